@@ -1,0 +1,1 @@
+"""Contouring control: designed, judged by the exact contour error, and shipped to real time."""
