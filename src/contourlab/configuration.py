@@ -95,7 +95,7 @@ def static(*, allowed: tuple[Any, ...] | None = None, minimum: int | None = None
         Passed to ``dataclasses.field``, such as ``default``.
     """
     rule = {"allowed": allowed, "minimum": minimum}
-    return eqx.field(static=True, metadata={"static": rule}, kw_only=True, **keywords)
+    return eqx.field(static=True, metadata={"choice": rule}, kw_only=True, **keywords)
 
 
 def part(**keywords: Any) -> Any:
@@ -118,8 +118,8 @@ class Configuration(eqx.Module):
             value = getattr(self, field.name)
             if "real" in field.metadata:
                 check_real(field.name, value, **field.metadata["real"])
-            elif "static" in field.metadata:
-                check_static(field.name, value, **field.metadata["static"])
+            elif "choice" in field.metadata:
+                check_static(field.name, value, **field.metadata["choice"])
         if type(self).check is not Configuration.check and all(
             is_concrete(leaf) and isinstance(leaf, jax.Array | np.ndarray | float | int)
             for leaf in jax.tree.leaves(self)

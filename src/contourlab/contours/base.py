@@ -1,0 +1,250 @@
+"""What a contour is: a curve as geometry, without time and without a machine."""
+
+from __future__ import annotations
+
+import abc
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from contourlab.configuration import Configuration
+from contourlab.errors import GeometryError
+from contourlab.typing import Array, AxisVector, Count, Derivatives, Scalar
+
+__all__ = ["Contour", "Frenet", "derivatives_by_jvp", "left_normal", "unit"]
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
+_PANELS = 48
+
+
+class Frenet(eqx.Module):
+    """The moving frame at one point of a contour.
+
+    In the plane the frame comes from the tangent alone: the normal is the tangent turned by +90°,
+    the curvature is signed, and nothing is singular at an inflection; binormal and torsion do not
+    exist and are None. In space the curvature is not negative and the normal points to the centre
+    of curvature; where the curvature vanishes the normal is a defined perpendicular (see
+    :meth:`Contour.frenet`).
+    """
+
+    tangent: AxisVector
+    normal: AxisVector
+    binormal: AxisVector | None
+    curvature: Scalar
+    torsion: Scalar | None
+
+
+class Contour(Configuration):
+    """A curve: position and derivatives over one scalar parameter.
+
+    Everything takes one scalar parameter; ``jax.vmap`` outside gives records. Outside its domain an
+    open contour continues as its formula does (a path continues its end piece), a closed one
+    repeats.
+
+    A law that evaluates the contour inside the loop keeps the *piece* that it was in, an int32, and
+    passes it on: ``piece = contour.locate(parameter, piece)``. For formula curves there is one
+    piece, 0; for a :class:`Path` the hint makes the look-up some 40 times cheaper.
+    """
+
+    @property
+    @abc.abstractmethod
+    def n_axes(self) -> int:
+        """Number of coordinates of the tool point."""
+
+    @property
+    @abc.abstractmethod
+    def domain(self) -> tuple[Scalar, Scalar]:
+        """Start and end of the parameter."""
+
+    @property
+    @abc.abstractmethod
+    def closed(self) -> bool:
+        """Whether the end is the start, and the parameter goes round."""
+
+    @abc.abstractmethod
+    def position(self, parameter: Scalar, piece: Count | None = None) -> AxisVector:
+        """Return the point at one parameter, shape (n_axes,) [m].
+
+        Parameters
+        ----------
+        parameter
+            One scalar; right-sided at joints.
+        piece
+            What ``locate`` returned for this parameter; looked up when None.
+        """
+
+    def derivatives(self, parameter: Scalar, order: int, piece: Count | None = None) -> Derivatives:
+        """Return the point and its derivatives over the parameter.
+
+        Parameters
+        ----------
+        parameter
+            One scalar.
+        order
+            Highest derivative, >= 0; static.
+        piece
+            What ``locate`` returned for this parameter; looked up when None.
+
+        Returns
+        -------
+        Derivatives
+            Shape (order + 1, n_axes) [m per parameter unit^k]; right-sided at joints.
+        """
+        return derivatives_by_jvp(lambda p: self.position(p, piece), parameter, order)
+
+    def locate(self, parameter: Scalar, piece: Count) -> Count:
+        """Return the piece that holds a parameter, starting the search at another piece.
+
+        Parameters
+        ----------
+        parameter
+            One scalar.
+        piece
+            Where to start, int32.
+        """
+        del parameter
+        return piece
+
+    def wrap(self, parameter: Scalar) -> Scalar:
+        """Return the parameter inside the domain: wrapped if the contour is closed, else clipped.
+
+        Parameters
+        ----------
+        parameter
+            One scalar.
+        """
+        start, end = self.domain
+        if self.closed:
+            period = end - start
+            return start + jnp.mod(parameter - start, period)
+        return jnp.clip(parameter, start, end)
+
+    def frenet(self, parameter: Scalar, piece: Count | None = None) -> Frenet:
+        """Return the Frenet frame at one parameter.
+
+        Planar: tangent, left normal, signed curvature ``(x' y'' - y' x'') / |r'|^3``. Spatial:
+        principal normal, binormal, curvature ``|r' x r''| / |r'|^3``, torsion
+        ``(r' x r'') . r''' / |r' x r''|^2``; where the curvature vanishes the normal is the
+        coordinate axis least aligned with the tangent, made perpendicular to it, and the torsion
+        is 0.
+
+        Parameters
+        ----------
+        parameter
+            One scalar.
+        piece
+            As in ``derivatives``.
+
+        Raises
+        ------
+        GeometryError
+            The contour is neither planar nor spatial.
+        """
+        if self.n_axes == 2:
+            d = self.derivatives(parameter, 2, piece)
+            tangent = unit(d[1])
+            speed = jnp.linalg.norm(d[1])
+            curvature = (d[1, 0] * d[2, 1] - d[1, 1] * d[2, 0]) / speed**3
+            return Frenet(tangent, left_normal(tangent), None, curvature, None)
+        if self.n_axes != 3:
+            raise GeometryError(
+                f"a Frenet frame needs a contour of 2 or 3 axes, this one has {self.n_axes}"
+            )
+        d = self.derivatives(parameter, 3, piece)
+        tangent = unit(d[1])
+        speed = jnp.sqrt(d[1] @ d[1])
+        cross = jnp.cross(d[1], d[2])
+        size2 = cross @ cross
+        straight = size2 <= (1e-12 * speed * jnp.maximum(jnp.sqrt(d[2] @ d[2]), speed)) ** 2
+        safe2 = jnp.where(straight, 1.0, size2)
+        axis = jnp.eye(3)[jnp.argmin(jnp.abs(tangent))]
+        fallback = unit(axis - tangent * (tangent @ axis))
+        binormal = jnp.where(straight, jnp.cross(tangent, fallback), cross / jnp.sqrt(safe2))
+        normal = jnp.cross(binormal, tangent)
+        curvature = jnp.where(straight, 0.0, jnp.sqrt(safe2) / speed**3)
+        torsion = jnp.where(straight, 0.0, (cross @ d[3]) / safe2)
+        return Frenet(tangent, normal, binormal, curvature, torsion)
+
+    def arc_length(self, start: Scalar, end: Scalar) -> Scalar:
+        """Return the length of the stretch between two parameters [m], negative if end < start.
+
+        By Gauss-Legendre quadrature of the speed, 48 panels of 12 nodes: exact to rounding unless
+        the speed varies by orders of magnitude within one panel.
+
+        Parameters
+        ----------
+        start, end
+            Parameters; a closed contour may go round several times.
+        """
+        edges = start + (end - start) * jnp.arange(_PANELS)[:, None] / _PANELS
+        width = (end - start) / _PANELS
+        nodes = (edges + width * (0.5 + 0.5 * jnp.asarray(_NODES))).reshape(-1)
+        speed = jax.vmap(lambda p: jnp.linalg.norm(self.derivatives(p, 1)[1]))(nodes)
+        return 0.5 * width * jnp.sum(speed.reshape(_PANELS, -1) * jnp.asarray(_WEIGHTS))
+
+    @property
+    def length(self) -> Scalar:
+        """Length of the whole contour [m]."""
+        return self.arc_length(*self.domain)
+
+
+def derivatives_by_jvp(curve: Callable[[Scalar], Array], parameter: Scalar, order: int) -> Array:
+    """Return a curve and its derivatives by chained forward differentiation, exact to rounding.
+
+    Parameters
+    ----------
+    curve
+        From one scalar to a vector.
+    parameter
+        Where.
+    order
+        Highest derivative.
+
+    Returns
+    -------
+    Array
+        Shape (order + 1, n).
+    """
+    if order < 0:
+        raise GeometryError(f"order must be >= 0, got {order}")
+    parameter = jnp.asarray(parameter, dtype=float)
+    rows, function = [], curve
+    for k in range(order + 1):
+        rows.append(function(parameter))
+        if k < order:
+            function = _derivative(function)
+    return jnp.stack(rows)
+
+
+def _derivative(function: Callable[[Scalar], Array]) -> Callable[[Scalar], Array]:
+    def derivative(parameter: Scalar) -> Array:
+        return jax.jvp(function, (parameter,), (jnp.ones_like(parameter),))[1]  # type: ignore[no-any-return]
+
+    return derivative
+
+
+def unit(vector: AxisVector) -> AxisVector:
+    """Return a vector's direction; the zero vector stays zero, with a zero derivative.
+
+    Parameters
+    ----------
+    vector
+        Any vector.
+    """
+    squared = vector @ vector
+    zero = squared == 0.0
+    return jnp.where(zero, 0.0, vector) / jnp.sqrt(jnp.where(zero, 1.0, squared))
+
+
+def left_normal(tangent: AxisVector) -> AxisVector:
+    """Return a planar vector turned by +90°.
+
+    Parameters
+    ----------
+    tangent
+        Shape (2,).
+    """
+    return jnp.stack([-tangent[1], tangent[0]])

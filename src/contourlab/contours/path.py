@@ -1,0 +1,541 @@
+"""A path of many pieces, held as a struct of arrays, with arc length as its parameter.
+
+There are two kinds of piece. *Helical* pieces are lines, arcs and helices in one formula that is
+safe at zero curvature; *Bézier* pieces are rational Bézier curves, so that B-splines, NURBS, G5
+splines and blends are exact. A piece is a row of numbers, never an object: a path of 100 000
+pieces is a dozen arrays.
+
+A helical piece, over its own arc length s in [0, length], with θ = rate · s:
+
+    p(s) = origin + U s sin(θ)/θ + V s (1 - cos θ)/θ + W s
+
+where U is the part of the initial tangent in the plane of turning, V the same turned by +90°
+towards the centre, W the part along the axis of the helix, |U|² + |W|² = 1. A line has rate 0.
+
+The arc length of a Bézier piece has no closed form. Each is cut, when the path is made, into
+stretches on which its parameter u is a Chebyshev series of s to 1e-13; the point is then exactly on
+the curve, and du/ds = 1/|dr/du| holds exactly in every derivative.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float, Int
+
+from contourlab.configuration import real, static
+from contourlab.contours.base import Contour, derivatives_by_jvp
+from contourlab.contours.bezier import bezier_rows, chebyshev_value, rational_point
+from contourlab.errors import GeometryError
+from contourlab.typing import Array, AxisVector, Count, Derivatives, Scalar
+
+__all__ = ["Path", "helical_derivatives", "helical_point"]
+
+JOIN_TOLERANCE = 1e-9
+"""Pieces must meet within this fraction of the path's size, or 1 nm."""
+
+
+def _whole(value: Any) -> Any:
+    return np.asarray(value, np.int32) if isinstance(value, np.ndarray | list | tuple) else value
+
+
+class Path(Contour):
+    """Pieces end to end; the parameter is arc length [m], derivatives are right-sided at joints.
+
+    Made by :meth:`polyline`, :meth:`from_helical`, :meth:`from_bezier` or :meth:`join`.
+    """
+
+    breaks: Float[Array, " n_pieces_plus_one"] = real(unit="m")
+    """Arc length at the start of each piece, and at the end of the last."""
+    origin: Float[Array, "n_pieces n_axes"] = real(unit="m")
+    tangent_vector: Float[Array, "n_pieces n_axes"] = real()
+    normal_vector: Float[Array, "n_pieces n_axes"] = real()
+    axial_vector: Float[Array, "n_pieces n_axes"] = real()
+    angle_rate: Float[Array, " n_pieces"] = real(unit="rad/m")
+    """Angle turned per arc length; 0 for a line. Bézier pieces hold 0 here."""
+    bezier_row: Int[Array, " n_pieces"] = eqx.field(converter=_whole, kw_only=True)
+    """Row of the Bézier tables that a piece uses, -1 for a helical piece."""
+    control_points: Float[Array, "n_rows degree_plus_one n_axes_plus_one"] = real()
+    """Homogeneous control points (w x, w y, ..., w)."""
+    inverse_length: Float[Array, "n_rows n_coefficients"] = real()
+    """Chebyshev coefficients of u over s/length mapped to [-1, 1]."""
+    source_line: Int[Array, " n_pieces"] = eqx.field(converter=_whole, kw_only=True)
+    """Line of the part program that made the piece, 0 if unknown."""
+    is_closed: bool = static(default=False)
+
+    # -- making -------------------------------------------------------------------------------
+
+    @staticmethod
+    def from_helical(
+        start: Any,
+        tangent_vector: Any,
+        normal_vector: Any,
+        axial_vector: Any,
+        angle_rate: Any,
+        length: Any,
+        source_line: Any = None,
+        *,
+        closed: bool = False,
+    ) -> Path:
+        """Return a path of lines, arcs and helices.
+
+        Parameters
+        ----------
+        start
+            First points, shape (n_pieces, n_axes) [m].
+        tangent_vector, normal_vector, axial_vector
+            U, V, W of the module's formula, shape (n_pieces, n_axes).
+        angle_rate
+            Shape (n_pieces,) [rad/m].
+        length
+            Arc lengths, shape (n_pieces,) [m], > 0.
+        source_line
+            Shape (n_pieces,), counted from 1; 0 if not given.
+        closed
+            Whether the end is the start and the parameter goes round.
+
+        Raises
+        ------
+        GeometryError
+            Not finite, a length of 0, pieces that do not meet, or vectors that are no directions.
+        """
+        start = np.atleast_2d(np.asarray(start, float))
+        n, n_axes = start.shape
+        vectors = [np.asarray(v, float) for v in (tangent_vector, normal_vector, axial_vector)]
+        return _assemble(
+            start,
+            *vectors,
+            np.asarray(angle_rate, float),
+            np.asarray(length, float),
+            np.full(n, -1, np.int32),
+            np.zeros((0, 2, n_axes + 1)),
+            np.zeros((0, 1)),
+            source_line,
+            closed,
+        )
+
+    @staticmethod
+    def polyline(points: Any, source_line: Any = None, *, closed: bool = False) -> Path:
+        """Return straight lines through points.
+
+        Parameters
+        ----------
+        points
+            Shape (n_points, n_axes) [m]; no two neighbours equal.
+        source_line
+            Of each line, shape (n_points - 1,), or (n_points,) if closed.
+        closed
+            Whether the last point is joined to the first.
+
+        Raises
+        ------
+        GeometryError
+            Fewer than two points, NaN, or repeated points.
+        """
+        points = np.asarray(points, float)
+        if points.ndim != 2 or len(points) < 2:
+            raise GeometryError(f"a polyline needs two points or more, got shape {points.shape}")
+        if closed and not np.array_equal(points[0], points[-1]):
+            points = np.concatenate([points, points[:1]])
+        steps = np.diff(points, axis=0)
+        length = np.linalg.norm(steps, axis=1)
+        _positive_lengths(length)
+        zero = np.zeros_like(steps)
+        tangent = steps / length[:, None]
+        return Path.from_helical(
+            points[:-1], tangent, zero, zero, np.zeros(len(steps)), length, source_line,
+            closed=closed,
+        )  # fmt: skip
+
+    @staticmethod
+    def from_bezier(
+        control_points: Any, weights: Any = None, source_line: Any = None, *, closed: bool = False
+    ) -> Path:
+        """Return rational Bézier curves end to end, exactly.
+
+        Parameters
+        ----------
+        control_points
+            Shape (n_curves, degree + 1, n_axes) [m].
+        weights
+            Shape (n_curves, degree + 1), > 0; all 1 if not given.
+        source_line
+            Shape (n_curves,).
+        closed
+            Whether the end is the start.
+
+        Raises
+        ------
+        GeometryError
+            Weights not positive, a curve whose speed vanishes (a cusp), curves that do not meet.
+        """
+        points = np.asarray(control_points, float)
+        if points.ndim != 3 or points.shape[1] < 2:
+            raise GeometryError(
+                "control_points must have shape (n_curves, degree + 1, n_axes), "
+                f"got {points.shape}"
+            )
+        weights = np.ones(points.shape[:2]) if weights is None else np.asarray(weights, float)
+        if weights.shape != points.shape[:2] or not (weights > 0).all():
+            raise GeometryError(f"weights must be > 0 and of shape {points.shape[:2]}")
+        if not (np.isfinite(points).all() and np.isfinite(weights).all()):
+            raise GeometryError("control points and weights must be finite")
+        homogeneous = np.concatenate([points * weights[..., None], weights[..., None]], axis=2)
+        rows, inverse, length, owner = bezier_rows(homogeneous)
+        n, n_axes = len(rows), points.shape[2]
+        lines = None if source_line is None else np.asarray(source_line, np.int32)[owner]
+        zero = np.zeros((n, n_axes))
+        start = rows[:, 0, :-1] / rows[:, 0, -1:]
+        return _assemble(
+            start, zero, zero, zero, np.zeros(n), length, np.arange(n, dtype=np.int32),
+            rows, inverse, lines, closed,
+        )  # fmt: skip
+
+    @staticmethod
+    def join(paths: Sequence[Path], *, closed: bool = False) -> Path:
+        """Return several paths end to end.
+
+        Parameters
+        ----------
+        paths
+            Each begins where the one before ends.
+        closed
+            Whether the end of the last is the start of the first.
+
+        Raises
+        ------
+        GeometryError
+            None given, different numbers of axes, or ends that do not meet.
+        """
+        if not paths:
+            raise GeometryError("a path needs one piece or more")
+        if len({path.n_axes for path in paths}) > 1:
+            raise GeometryError("the paths have different numbers of axes")
+        degree = max(p.control_points.shape[1] for p in paths)
+        width = max(p.inverse_length.shape[1] for p in paths)
+        rows = [_elevated(np.asarray(p.control_points), degree) for p in paths]
+        inverse = [
+            np.pad(np.asarray(p.inverse_length), ((0, 0), (0, width - p.inverse_length.shape[1])))
+            for p in paths
+        ]
+        offset, bezier_row = 0, []
+        for path in paths:
+            own = np.asarray(path.bezier_row)
+            bezier_row.append(np.where(own >= 0, own + offset, -1))
+            offset += len(path.control_points)
+        return _assemble(
+            np.concatenate([p.origin for p in paths]),
+            np.concatenate([p.tangent_vector for p in paths]),
+            np.concatenate([p.normal_vector for p in paths]),
+            np.concatenate([p.axial_vector for p in paths]),
+            np.concatenate([p.angle_rate for p in paths]),
+            np.concatenate([np.diff(p.breaks) for p in paths]),
+            np.concatenate(bezier_row).astype(np.int32),
+            np.concatenate(rows),
+            np.concatenate(inverse),
+            np.concatenate([p.source_line for p in paths]),
+            closed,
+        )
+
+    def piece(self, index: int) -> Path:
+        """Return one piece as a path of its own, with its parameter starting at 0.
+
+        Parameters
+        ----------
+        index
+            0 to n_pieces - 1; negative counts from the end.
+
+        Raises
+        ------
+        GeometryError
+            No such piece.
+        """
+        if not -self.n_pieces <= index < self.n_pieces:
+            raise GeometryError(f"piece must be in 0 .. {self.n_pieces - 1}, got {index}")
+        at = slice(index % self.n_pieces, index % self.n_pieces + 1)
+        row = int(self.bezier_row[at][0])
+        used = slice(row, row + 1) if row >= 0 else slice(0, 0)
+        return _assemble(
+            np.asarray(self.origin)[at], np.asarray(self.tangent_vector)[at],
+            np.asarray(self.normal_vector)[at], np.asarray(self.axial_vector)[at],
+            np.asarray(self.angle_rate)[at], np.diff(self.breaks)[at],
+            np.array([0 if row >= 0 else -1], np.int32), np.asarray(self.control_points)[used],
+            np.asarray(self.inverse_length)[used], np.asarray(self.source_line)[at], False,
+        )  # fmt: skip
+
+    # -- asking -------------------------------------------------------------------------------
+
+    @property
+    def n_axes(self) -> int:
+        """Number of coordinates."""
+        return int(self.origin.shape[-1])
+
+    @property
+    def n_pieces(self) -> int:
+        """Number of pieces."""
+        return int(self.origin.shape[-2])
+
+    @property
+    def domain(self) -> tuple[Scalar, Scalar]:
+        """Start and end of the parameter: 0 and the length [m]."""
+        return self.breaks[0], self.breaks[-1]
+
+    @property
+    def closed(self) -> bool:
+        """Whether the end is the start."""
+        return self.is_closed
+
+    @property
+    def length(self) -> Scalar:
+        """Length [m]."""
+        return self.breaks[-1] - self.breaks[0]
+
+    def arc_length(self, start: Scalar, end: Scalar) -> Scalar:
+        """Return the length between two parameters [m]: their difference.
+
+        Parameters
+        ----------
+        start, end
+            Parameters.
+        """
+        return end - start
+
+    def find(self, parameter: Scalar) -> Count:
+        """Return the piece that holds a parameter, by bisection; right-sided at joints.
+
+        Parameters
+        ----------
+        parameter
+            One scalar; wrapped on a closed path.
+        """
+        at = self.wrap(parameter) if self.closed else parameter
+        index = jnp.searchsorted(jnp.asarray(self.breaks[1:-1]), at, side="right")
+        return index.astype(jnp.int32)  # type: ignore[no-any-return]
+
+    def locate(self, parameter: Scalar, piece: Count) -> Count:
+        """Return the piece that holds a parameter, walking from another piece.
+
+        Parameters
+        ----------
+        parameter
+            One scalar; wrapped on a closed path.
+        piece
+            Where to start, int32.
+        """
+        at = jax.lax.stop_gradient(self.wrap(parameter) if self.closed else parameter)
+        breaks = jax.lax.stop_gradient(jnp.asarray(self.breaks))
+        last = self.n_pieces - 1
+
+        def ahead(k: Any) -> Any:
+            return (k < last) & (at >= breaks[k + 1])
+
+        def behind(k: Any) -> Any:
+            return (k > 0) & (at < breaks[k])
+
+        index = jnp.clip(jnp.asarray(piece, jnp.int32), 0, last)
+        index = jax.lax.while_loop(ahead, lambda k: k + 1, index)
+        return jax.lax.while_loop(behind, lambda k: k - 1, index)  # type: ignore[no-any-return]
+
+    def position(self, parameter: Scalar, piece: Count | None = None) -> AxisVector:
+        """Return the point at one arc length, shape (n_axes,) [m].
+
+        Parameters
+        ----------
+        parameter
+            Arc length [m].
+        piece
+            As from ``locate``; looked up when None.
+        """
+        return self.derivatives(parameter, 0, piece)[0]  # type: ignore[no-any-return]
+
+    def derivatives(self, parameter: Scalar, order: int, piece: Count | None = None) -> Derivatives:
+        """Return the point and its derivatives over arc length.
+
+        Parameters
+        ----------
+        parameter
+            Arc length [m].
+        order
+            Highest derivative, >= 0.
+        piece
+            As from ``locate``; looked up when None.
+
+        Returns
+        -------
+        Derivatives
+            Shape (order + 1, n_axes) [m^(1-k)]; right-sided at joints.
+        """
+        if order < 0:
+            raise GeometryError(f"order must be >= 0, got {order}")
+        k = self.find(parameter) if piece is None else piece
+        at = self.wrap(parameter) if self.closed else parameter
+        breaks = jnp.asarray(self.breaks)
+        s = at - breaks[k]
+
+        def helical(s: Scalar) -> Derivatives:
+            return helical_derivatives(
+                s, jnp.asarray(self.angle_rate)[k], jnp.asarray(self.origin)[k],
+                jnp.asarray(self.tangent_vector)[k], jnp.asarray(self.normal_vector)[k],
+                jnp.asarray(self.axial_vector)[k], order,
+            )  # fmt: skip
+
+        if len(self.control_points) == 0:
+            return helical(s)
+        row = jnp.maximum(jnp.asarray(self.bezier_row)[k], 0)
+        length = breaks[k + 1] - breaks[k]
+
+        def bezier(s: Scalar) -> Derivatives:
+            control = jnp.asarray(self.control_points)[row]
+            inverse = jnp.asarray(self.inverse_length)[row]
+            return derivatives_by_jvp(
+                lambda x: rational_point(control, bezier_parameter(control, inverse, length, x)),
+                s,
+                order,
+            )
+
+        if np.all(np.asarray(self.bezier_row) >= 0) if not _traced(self.bezier_row) else False:
+            return bezier(s)
+        return jax.lax.cond(jnp.asarray(self.bezier_row)[k] >= 0, bezier, helical, s)  # type: ignore[no-any-return]
+
+
+def _traced(value: Any) -> bool:
+    return isinstance(value, jax.core.Tracer)
+
+
+def _sinc(x: Scalar) -> Scalar:
+    """Return sin(x)/x, smooth at 0."""
+    small = jnp.abs(x) < 1e-2
+    safe = jnp.where(small, 1.0, x)
+    x2 = x * x
+    series = 1.0 - x2 / 6.0 * (1.0 - x2 / 20.0 * (1.0 - x2 / 42.0))
+    return jnp.where(small, series, jnp.sin(safe) / safe)
+
+
+def helical_point(
+    s: Scalar, rate: Scalar, origin: Array, u: Array, v: Array, w: Array
+) -> AxisVector:
+    """Return the point of a helical piece at its own arc length; see the module's formula.
+
+    Parameters
+    ----------
+    s, rate
+        Arc length from the start of the piece [m], angle rate [rad/m].
+    origin, u, v, w
+        The row's vectors, shape (n_axes,).
+    """
+    half = 0.5 * rate * s
+    chord = s * _sinc(half)  # the chord to the point lies at half the angle turned
+    return origin + u * (chord * jnp.cos(half)) + v * (chord * jnp.sin(half)) + w * s
+
+
+def helical_derivatives(
+    s: Scalar, rate: Scalar, origin: Array, u: Array, v: Array, w: Array, order: int
+) -> Derivatives:
+    """Return a helical piece's point and derivatives over its own arc length.
+
+    Parameters
+    ----------
+    s, rate, origin, u, v, w
+        As in :func:`helical_point`.
+    order
+        Highest derivative.
+    """
+    rows = [helical_point(s, rate, origin, u, v, w)]
+    if order >= 1:
+        angle = rate * s
+        along, across = u * jnp.cos(angle) + v * jnp.sin(angle), v * jnp.cos(angle) - u * jnp.sin(
+            angle
+        )
+        rows.append(along + w)
+        factor, turned = rate, (across, -along, -across, along)
+        for k in range(2, order + 1):
+            rows.append(factor * turned[(k - 2) % 4])
+            factor = factor * rate
+    return jnp.stack(rows)
+
+
+@jax.custom_jvp
+def bezier_parameter(control: Array, inverse: Array, length: Scalar, s: Scalar) -> Scalar:
+    """Return a Bézier piece's own parameter u at its arc length s, from its Chebyshev series.
+
+    Parameters
+    ----------
+    control
+        Homogeneous control points, shape (degree + 1, n_axes + 1).
+    inverse
+        Chebyshev coefficients.
+    length, s
+        Length of the piece and arc length from its start [m].
+    """
+    del control
+    return chebyshev_value(inverse, 2.0 * s / length - 1.0)
+
+
+@bezier_parameter.defjvp
+def _bezier_parameter_jvp(primals: Any, tangents: Any) -> Any:
+    control, inverse, length, s = primals
+    u = bezier_parameter(control, inverse, length, s)
+    velocity = derivatives_by_jvp(lambda x: rational_point(control, x), u, 1)[1]
+    # arc length: ds = |dr/du| du; tables of geometry are not differentiated
+    return u, tangents[3] / jnp.sqrt(velocity @ velocity)
+
+
+def _elevated(rows: np.ndarray[Any, Any], count: int) -> np.ndarray[Any, Any]:
+    """Return Bézier rows raised to ``count`` control points each; the curves are unchanged."""
+    while rows.shape[1] < count:
+        n = rows.shape[1]
+        fraction = (np.arange(1, n) / n)[None, :, None]
+        inner = fraction * rows[:, :-1] + (1 - fraction) * rows[:, 1:]
+        rows = np.concatenate([rows[:, :1], inner, rows[:, -1:]], axis=1)
+    return rows
+
+
+def _positive_lengths(length: np.ndarray[Any, Any]) -> None:
+    if not np.isfinite(length).all():
+        raise GeometryError(f"piece {int(np.argmin(np.isfinite(length)))} is not finite")
+    if not (length > 0).all():
+        raise GeometryError(f"piece {int(np.argmin(length > 0))} has no length: two points are equal")
+
+
+def _assemble(
+    start: Any, u: Any, v: Any, w: Any, rate: Any, length: Any, bezier_row: Any,
+    control: Any, inverse: Any, source_line: Any, closed: bool,
+) -> Path:  # fmt: skip
+    n = len(start)
+    if n == 0:
+        raise GeometryError("a path needs one piece or more")
+    for name, value in (("start", start), ("vectors", u), ("vectors", v), ("vectors", w),
+                        ("angle_rate", rate)):  # fmt: skip
+        if not np.isfinite(value).all():
+            raise GeometryError(f"{name} must be finite")
+    _positive_lengths(length)
+    helical = np.asarray(bezier_row) < 0
+    size2 = np.sum(u * u, axis=1) + np.sum(w * w, axis=1)
+    if not np.allclose(size2[helical], 1.0, rtol=0, atol=1e-9):
+        raise GeometryError("tangent_vector and axial_vector must make a unit tangent")
+    half = 0.5 * rate * length
+    chord = length * np.sinc(half / np.pi)
+    end = start + u * (chord * np.cos(half))[:, None] + v * (chord * np.sin(half))[:, None]
+    end = end + w * length[:, None]
+    if len(control):
+        rows = np.asarray(control)[np.maximum(bezier_row, 0)]
+        end = np.where(helical[:, None], end, rows[:, -1, :-1] / rows[:, -1, -1:])
+    following = np.concatenate([start[1:], start[:1]]) if closed else start[1:]
+    gap = np.linalg.norm(end[: len(following)] - following, axis=1)
+    size = max(float(np.max(np.abs(start))), float(np.max(np.abs(end))))
+    if len(gap) and gap.max() > max(JOIN_TOLERANCE * size, 1e-9):
+        at = int(np.argmax(gap))
+        raise GeometryError(f"piece {at} ends {gap[at]:.3g} m away from the start of the next")
+    if source_line is None:
+        source_line = np.zeros(n, np.int32)
+    return Path(
+        breaks=np.concatenate([[0.0], np.cumsum(length)]), origin=start, tangent_vector=u,
+        normal_vector=v, axial_vector=w, angle_rate=rate, bezier_row=np.asarray(bezier_row),
+        control_points=control, inverse_length=inverse,
+        source_line=np.asarray(source_line, np.int32), is_closed=closed,
+    )  # fmt: skip
