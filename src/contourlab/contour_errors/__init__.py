@@ -1,0 +1,1 @@
+"""Real-time estimators of the contour error."""

@@ -1,0 +1,1 @@
+"""Discrete control laws, one file each."""

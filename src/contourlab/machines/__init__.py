@@ -1,0 +1,1 @@
+"""Machines: what really happens when a command is given."""

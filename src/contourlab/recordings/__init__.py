@@ -1,0 +1,1 @@
+"""References, samples and recordings, and every figure of merit, defined once."""
