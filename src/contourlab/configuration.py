@@ -29,6 +29,7 @@ __all__ = [
     "real",
     "replace",
     "replace_at",
+    "resolve",
     "static",
 ]
 
@@ -255,3 +256,63 @@ def replace_at(configuration: T, path: str, value: Any) -> T:
         )
     new = replace_at(getattr(configuration, head), rest, value) if rest else value
     return replace(configuration, **{head: new})
+
+
+def _children(value: object) -> dict[str, Any]:
+    if isinstance(value, tuple):
+        return {str(k): item for k, item in enumerate(value)}
+    if isinstance(value, Mapping):
+        return {str(k): item for k, item in value.items()}
+    if dataclasses.is_dataclass(value):
+        return {name: getattr(value, name) for name in configurable(value)}
+    return {}
+
+
+def _descendants(value: object, name: str) -> list[str]:
+    found = []
+    for key, child in _children(value).items():
+        if key == name:
+            found.append(key)
+        found += [f"{key}.{rest}" for rest in _descendants(child, name)]
+    return found
+
+
+def resolve(configuration: object, path: str) -> str:
+    """Return the full dotted path of one that may leave levels out.
+
+    A name that is not at its level is looked for further down, and must then be the only one.
+
+    Parameters
+    ----------
+    configuration
+        A configuration, a tuple or a mapping of them.
+    path
+        Names joined by dots, such as ``"machine.mass"`` for ``"machine.dynamics.mass"``.
+
+    Raises
+    ------
+    ConfigurationError
+        The path names nothing, or several things; the message lists them.
+
+    Examples
+    --------
+    >>> resolve({"a": {"b": {"c": 1.0}}}, "a.c")
+    'a.b.c'
+    """
+    head, _, rest = path.partition(".")
+    children = _children(configuration)
+    if head not in children:
+        found = _descendants(configuration, head)
+        if len(found) != 1:
+            kind = type(configuration).__name__
+            what = f"{kind} holds several {head!r}" if found else f"{kind} has no field {head!r}"
+            raise ConfigurationError(f"{what}; {choices(head, found or children)}")
+        prefix = found[0]
+    else:
+        prefix = head
+    if not rest:
+        return prefix
+    value: Any = configuration
+    for name in prefix.split("."):
+        value = _children(value)[name]
+    return f"{prefix}.{resolve(value, rest)}"

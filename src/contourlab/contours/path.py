@@ -374,8 +374,27 @@ class Path(Contour):
             raise GeometryError(f"order must be >= 0, got {order}")
         k = self.find(parameter) if piece is None else piece
         at = self.wrap(parameter) if self.closed else parameter
+        return self.row_derivatives(k, at - jnp.asarray(self.breaks)[k], order)
+
+    def row_derivatives(self, piece: Count, s: Scalar, order: int) -> Derivatives:
+        """Return one piece's point and derivatives over its own arc length.
+
+        Parameters
+        ----------
+        piece
+            Which, int32.
+        s
+            Arc length from the start of the piece [m].
+        order
+            Highest derivative, >= 0.
+
+        Returns
+        -------
+        Derivatives
+            Shape (order + 1, n_axes) [m^(1-k)].
+        """
+        k = piece
         breaks = jnp.asarray(self.breaks)
-        s = at - breaks[k]
 
         def helical(s: Scalar) -> Derivatives:
             return helical_derivatives(

@@ -1,22 +1,67 @@
-"""What machines and laws agree on: kinds of command, the nominal model, the tool map."""
+"""What machines and laws agree on: kinds of command, nominal model, dynamics, tool map."""
 
 from __future__ import annotations
 
 import abc
-from typing import Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from contourlab.configuration import Configuration, real, static
 from contourlab.errors import ConfigurationError
-from contourlab.typing import Array, AxisVector, Matrix
+from contourlab.typing import Array, AxisVector, Matrix, Scalar
 
-__all__ = ["COMMAND_KINDS", "CommandKind", "IdentityTool", "LinearTool", "NominalModel", "ToolMap"]
+if TYPE_CHECKING:
+    from contourlab.machines.drive import Drive
+
+__all__ = [
+    "COMMAND_KINDS",
+    "BoundDynamics",
+    "CommandKind",
+    "Dynamics",
+    "IdentityTool",
+    "LinearTool",
+    "NominalModel",
+    "ToolMap",
+    "per_axis",
+]
 
 CommandKind = Literal["voltage", "force", "velocity", "position"]
 COMMAND_KINDS: tuple[str, ...] = get_args(CommandKind)
+
+
+def per_axis(name: str, value: Any, n_axes: int) -> Array:
+    """Return one value per axis, spreading a single number over all axes.
+
+    Leading dimensions of a batch are kept.
+
+    Parameters
+    ----------
+    name
+        What the value is, for the message.
+    value
+        A number, or an array of shape (..., n_axes).
+    n_axes
+        Number of axes.
+
+    Raises
+    ------
+    ConfigurationError
+        The value has another number of axes; names both.
+    """
+    shape = np.shape(value)
+    if shape and shape[-1] not in (1, n_axes):
+        raise ConfigurationError(
+            f"{name} must have one value per axis, {n_axes}, got {shape[-1]} (shape {shape})"
+        )
+    spread = (*shape[:-1], n_axes)
+    if isinstance(value, jax.Array):
+        return jnp.broadcast_to(value, spread)
+    return np.broadcast_to(np.asarray(value, np.float64), spread).copy()
 
 
 class NominalModel(Configuration):
@@ -65,6 +110,98 @@ class NominalModel(Configuration):
             Shape (n_axes,) [m/s²].
         """
         return (self.mass * acceleration + self.viscous * velocity) / self.gain
+
+
+class Dynamics(Configuration):
+    """How the axes answer to a command: a configuration without a sample time."""
+
+    @abc.abstractmethod
+    def check_axes(self, n_axes: int) -> None:
+        """Raise ConfigurationError unless the dynamics are those of this many axes.
+
+        Parameters
+        ----------
+        n_axes
+            Number of axes of the machine.
+        """
+
+    @abc.abstractmethod
+    def bind(self, n_axes: int, durations: tuple[Scalar, ...], substeps: int) -> BoundDynamics:
+        """Return the dynamics discretised for one sample time.
+
+        Parameters
+        ----------
+        n_axes
+            Number of axes.
+        durations
+            Length of each part of a control period over which the command is constant [s].
+        substeps
+            Substeps per control period, for what has no closed form.
+        """
+
+    @abc.abstractmethod
+    def nominal(self, n_axes: int, drive: Drive) -> NominalModel:
+        """Return what a law may know of these axes.
+
+        Parameters
+        ----------
+        n_axes
+            Number of axes.
+        drive
+            Kind and limit of the command.
+        """
+
+
+class BoundDynamics(eqx.Module):
+    """Dynamics discretised for one sample time: pure functions of a state of their own."""
+
+    @abc.abstractmethod
+    def steady(self, position: AxisVector, velocity: AxisVector) -> tuple[Any, AxisVector]:
+        """Return the state in steady motion and the command that keeps it.
+
+        Parameters
+        ----------
+        position
+            Shape (n_axes,) [m].
+        velocity
+            Shape (n_axes,) [m/s]; zero is rest.
+        """
+
+    @abc.abstractmethod
+    def advance(
+        self, state: Any, commands: tuple[AxisVector, ...], disturbance: AxisVector
+    ) -> Any:
+        """Return the state one control period later.
+
+        Parameters
+        ----------
+        state
+            State at its start.
+        commands
+            One per part of the period, shape (n_axes,) each.
+        disturbance
+            Effort over the whole period, shape (n_axes,).
+        """
+
+    @abc.abstractmethod
+    def position(self, state: Any) -> AxisVector:
+        """Return the true axis positions [m].
+
+        Parameters
+        ----------
+        state
+            State of the axes.
+        """
+
+    @abc.abstractmethod
+    def velocity(self, state: Any) -> AxisVector:
+        """Return the true axis velocities [m/s].
+
+        Parameters
+        ----------
+        state
+            State of the axes.
+        """
 
 
 class ToolMap(Configuration):

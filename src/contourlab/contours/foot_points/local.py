@@ -1,0 +1,283 @@
+"""The local foot point: the nearest point on the stretch of contour around a reference point.
+
+With e the distance of the point from the reference point r(near), the stretch is followed from
+``near`` both ways, cell by cell, until it first leaves the ball of radius 2e about r(near), or ends,
+or has gone round. The foot is the nearest point of all its cells.
+
+A foot point is never further than e from the point, hence never outside the ball. So a cell need
+not be cut where it leaves the ball: it is enough to cut it at the first peak of the distance from
+r(near) that is higher than 2e. Up to that peak whatever lies in the ball lies in the stretch.
+
+Everything here is traceable, for one point; ``jax.vmap`` outside gives batches.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from contourlab.contours.base import Contour
+from contourlab.contours.foot_points.cells import Cells, cells_of
+from contourlab.typing import Array, AxisVector, Count, Scalar
+
+__all__ = ["FootPoint", "Foot", "Start", "Walker", "finish", "local_foot", "search", "start", "step", "walk"]
+
+
+class FootPoint(NamedTuple):
+    """Foot points, one per row, or one alone from :func:`local_foot`."""
+
+    parameter: Any
+    """Parameter of the contour, shape (n,); of a closed contour continued past its seam."""
+    position: Any
+    """The foot point, shape (n, n_axes) [m]."""
+    vector: Any
+    """From the point to the foot, the contour error vector, shape (n, n_axes) [m]."""
+    distance: Any
+    """Contour error [m], shape (n,): in the plane along the left normal, a norm otherwise."""
+
+
+class Foot(NamedTuple):
+    """A place on the contour, and its squared distance from the point."""
+
+    squared: Array
+    row: Array
+    s: Array
+    lap: Array
+
+
+class Walker(NamedTuple):
+    """One of the two ways along the stretch: the cell that comes next, and the ball."""
+
+    row: Array
+    part: Array
+    lap: Array
+    sign: Array
+    left: Array
+    """Cells that may still be walked; 0 once the stretch has ended."""
+
+
+class Start(NamedTuple):
+    """Where the walk begins."""
+
+    centre: Array
+    reach: Array
+    """Square of the ball's radius."""
+    foot: Foot
+    ahead: Walker
+    behind: Walker
+
+
+def local_foot(
+    contour: Contour | Cells,
+    point: AxisVector,
+    near: Scalar,
+    piece: Count | None = None,
+) -> FootPoint:
+    """Return the foot point of one point, near a reference parameter; for use inside a loop.
+
+    Traceable, and ``vmap`` outside gives batches. Its derivatives are those of the foot point on
+    the piece of contour where it lies (at a corner or an end it stays there); ``near`` only chooses
+    the stretch, so nothing is differentiated through it.
+
+    Parameters
+    ----------
+    contour
+        The contour, or what :func:`cells_of` made of it before the loop, which for a formula
+        contour saves a table.
+    point
+        Shape (n_axes,) [m].
+    near
+        Reference parameter; clipped to the domain of an open contour.
+    piece
+        Where to look for ``near`` first, as in ``contour.locate``; by bisection when None.
+
+    Returns
+    -------
+    FootPoint
+        ``parameter`` and ``distance`` scalars, ``position`` and ``vector`` of shape (n_axes,).
+    """
+    cells = contour if isinstance(contour, Cells) else cells_of(contour)
+    fixed, q, at = jax.lax.stop_gradient(
+        (cells, jnp.asarray(point, float), jnp.asarray(near, float))
+    )
+    row, s, lap = fixed.place(at, piece)
+    foot = search(fixed, q, row, s, lap)
+    return finish(cells, jnp.asarray(point, float), foot)
+
+
+def search(cells: Cells, q: Array, row: Array, s: Array, lap: Array) -> Foot:
+    """Return the foot of one point: by the quick way where that is certain, else by walking.
+
+    Parameters
+    ----------
+    cells, q, row, s, lap
+        As in :func:`start`.
+    """
+    at, squared, sure = cells.quick(q, s)
+    quick = Foot(squared, row, at, lap)
+    # a loop that runs once or never: a batch whose points are all certain skips the rest
+    foot, _ = jax.lax.while_loop(
+        lambda state: state[1],
+        lambda state: (walk(cells, q, start(cells, q, row, s, lap)), jnp.zeros((), bool)),
+        (quick, ~sure),
+    )
+    return foot
+
+
+def start(cells: Cells, q: Array, row: Array, s: Array, lap: Array) -> Start:
+    """Return the nearest point in the cell of the reference point, and the two walkers.
+
+    Parameters
+    ----------
+    cells
+        The contour.
+    q
+        The point, shape (n_axes,).
+    row, s, lap
+        The reference point.
+    """
+    centre = cells.curve(row, s, 0)[0]
+    d = centre - q
+    squared = d @ d
+    reach = 4.0 * squared
+    part = cells.find(row, s)
+    low, high = cells.bounds(row, part)
+    moving = squared > 0.0
+    top, over_top = _cut(cells, row, centre, reach, s, high, moving)
+    bottom, over_bottom = _cut(cells, row, centre, reach, s, low, moving)
+    at = cells.nearest(row, q, bottom, top, moving)
+    foot = _better(Foot(squared, row, s, lap), cells, q, row, at, lap)
+    total = cells.total() + 1  # once round, and the rest of the first cell from its far side
+    walkers = []
+    for sign, over in ((1, over_top), (-1, over_bottom)):
+        way = jnp.full_like(row, sign)
+        out = cells.joint(row, part, way) - centre
+        walker = Walker(row, part, lap, way, jnp.where(moving, total, 0).astype(row.dtype))
+        walkers.append(_advance(cells, walker, over | ~(out @ out <= reach)))
+    return Start(centre, reach, foot, *walkers)
+
+
+def step(
+    cells: Cells, q: Array, centre: Array, reach: Array, foot: Foot, walker: Walker
+) -> tuple[Foot, Walker]:
+    """Return the better foot after one more cell, and the walker behind it.
+
+    Parameters
+    ----------
+    cells, q
+        As in :func:`start`.
+    centre, reach
+        The ball.
+    foot
+        The best so far.
+    walker
+        The cell to look at.
+    """
+    row, part, going = walker.row, walker.part, walker.left > 0
+    low, high = cells.bounds(row, part)
+    begin = jnp.where(walker.sign > 0, low, high)
+    end = jnp.where(walker.sign > 0, high, low)
+    end, over = _cut(cells, row, centre, reach, begin, end, going)
+    at = cells.nearest(row, q, jnp.minimum(begin, end), jnp.maximum(begin, end), going)
+    better = _better(foot, cells, q, row, at, walker.lap)
+    foot = jax.tree.map(lambda new, old: jnp.where(going, new, old), better, foot)
+    out = cells.joint(row, part, walker.sign) - centre
+    return foot, _advance(cells, walker, over | ~(out @ out <= reach))
+
+
+def walk(cells: Cells, q: Array, begun: Start) -> Foot:
+    """Return the best foot of the whole stretch.
+
+    Parameters
+    ----------
+    cells, q
+        As in :func:`start`.
+    begun
+        What :func:`start` returned.
+    """
+    foot = begun.foot
+    for walker in (begun.ahead, begun.behind):
+        foot, _ = jax.lax.while_loop(
+            lambda state: state[1].left > 0,
+            lambda state: step(cells, q, begun.centre, begun.reach, *state),
+            (foot, walker),
+        )
+    return foot
+
+
+def finish(cells: Cells, point: AxisVector, foot: Foot) -> FootPoint:
+    """Return a foot with its position, vector and signed distance, and their derivatives.
+
+    Parameters
+    ----------
+    cells
+        The contour.
+    point
+        Shape (n_axes,) [m].
+    foot
+        Where it is.
+    """
+    contour = cells.contour
+    known = jnp.isfinite(foot.squared)
+    row, s, lap = cells.right_side(foot)
+    r = cells.curve(row, s, 2)
+    d = r[0] - point
+    slope, bend = d @ r[1], r[1] @ r[1] + d @ r[2]
+    speed2 = r[1] @ r[1]
+    # at a minimum inside a piece the slope is rounding; at a corner or an end it is not
+    inside = slope**2 <= 1e-14 * speed2 * (d @ d) + 1e-26 * speed2 * (1.0 + r[0] @ r[0])
+    bend = jax.lax.stop_gradient(bend)
+    sound = inside & (bend > 1e-9 * jax.lax.stop_gradient(speed2))
+    move = jnp.where(sound, -slope / jnp.where(sound, bend, 1.0), 0.0)
+    s = s + (move - jax.lax.stop_gradient(move))
+    r = cells.curve(row, s, 1)
+    vector = r[0] - point
+    squared = vector @ vector
+    norm = jnp.where(squared > 0.0, jnp.sqrt(jnp.where(squared > 0.0, squared, 1.0)), 0.0)
+    distance = norm
+    if contour.n_axes == 2:
+        across = r[1, 0] * vector[1] - r[1, 1] * vector[0]
+        speed = jnp.sqrt(r[1] @ r[1])
+        whole = jnp.where(across < 0.0, -norm, norm)
+        distance = jnp.where(inside & (speed > 0.0), across / jnp.where(speed > 0.0, speed, 1.0), whole)
+    start, end = contour.domain
+    parameter = cells.offset(row) + s + lap * (jnp.asarray(end, float) - start)
+    values = FootPoint(parameter, r[0], vector, distance)
+    return jax.tree.map(lambda x: jnp.where(known, x, jnp.nan), values)
+
+
+def _cut(
+    cells: Cells, row: Array, centre: Array, reach: Array, begin: Array, end: Array, wanted: Array
+) -> tuple[Array, Array]:
+    """Return where to stop looking in a cell, and whether the ball was left on the way."""
+    if cells.straight:
+        return end, jnp.zeros((), bool)
+    peak, squared = cells.peak(row, centre, begin, end, wanted)
+    over = squared > reach
+    return jnp.where(over, peak, end), over
+
+
+def _better(foot: Foot, cells: Cells, q: Array, row: Array, s: Array, lap: Array) -> Foot:
+    d = cells.curve(row, s, 0)[0] - q
+    new = Foot(d @ d, row, s, lap)
+    closer = new.squared < foot.squared
+    return jax.tree.map(lambda a, b: jnp.where(closer, a, b), new, foot)
+
+
+def _advance(cells: Cells, walker: Walker, done: Array) -> Walker:
+    """Return the walker at the next cell; it stops at the end of an open contour."""
+    part = walker.part + walker.sign
+    before, after = part < 0, part >= cells.parts(walker.row)
+    row = walker.row + jnp.where(before, -1, 0) + jnp.where(after, 1, 0)
+    under, beyond = row < 0, row >= cells.n_rows
+    if not cells.contour.closed:
+        done = done | under | beyond
+    row = jnp.where(under, cells.n_rows - 1, jnp.where(beyond, 0, row)).astype(walker.row.dtype)
+    lap = walker.lap + jnp.where(under, -1, 0) + jnp.where(beyond, 1, 0)
+    part = jnp.where(before, cells.parts(row) - 1, jnp.where(after, 0, part))
+    left = jnp.where(done, 0, jnp.maximum(walker.left - 1, 0))
+    dtype = walker.row.dtype
+    return Walker(row, part.astype(dtype), lap.astype(dtype), walker.sign, left.astype(dtype))

@@ -1,0 +1,231 @@
+"""Rigid axes: mass, viscous and dry friction, driven by an effort that is held between samples.
+
+    M q'' + B q' + F(q') = K u + d        (each axis on its own)
+
+Without dry friction the motion over one interval is the closed form (zero-order hold, exact at the
+sampling instants, B = 0 included). With it, the interval is cut into substeps. In each, friction is
+written F(v) = k(v) v with the secant slope k ≥ 0; k is frozen at a midpoint velocity that one
+backward-Euler half step predicts, and the linear equation that remains is solved in closed form
+(exponential midpoint rule).
+
+The rule is of second order, exact in M, B, K, u and d, and unconditionally stable: k ≥ 0 can only
+take energy out, so no substep is too long for the steep slope of friction near rest, and an axis
+that should stop stops (an explicit method chatters about zero, or needs substeps below
+2.8 M v_0 / F_s). Its fixed points are the true ones: an axis at rest under a force below breakaway
+moves at the smoothed friction's creep and no faster.
+"""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from contourlab.configuration import part, real
+from contourlab.machines.base import BoundDynamics, Dynamics, NominalModel, per_axis
+from contourlab.machines.drive import Drive
+from contourlab.machines.exponential import phi
+from contourlab.machines.friction import BoundFriction, Friction
+from contourlab.typing import Array, AxisVector, Scalar
+
+__all__ = ["BoundRigidAxes", "RigidAxes", "RigidState"]
+
+
+class RigidState(eqx.Module):
+    """True motion of the axes."""
+
+    position: AxisVector
+    """[m]"""
+    velocity: AxisVector
+    """[m/s]"""
+
+
+class RigidAxes(Dynamics):
+    """Independent masses with viscous and, if given, dry friction.
+
+    A single number holds for every axis. *Effort* is whatever unit the equation is written in: N for
+    a force, V if the paper divides by the motor constant.
+    """
+
+    mass: Float[Array, "..."] = real(above=0.0, ndim=1)
+    """M [effort per m/s²]."""
+    viscous: Float[Array, "..."] = real(minimum=0.0, ndim=1, default=0.0)
+    """B [effort per m/s]."""
+    gain: Float[Array, "..."] = real(above=0.0, ndim=1, default=1.0)
+    """K [effort per unit of command]."""
+    friction: Friction | None = part(default=None)
+    """Dry friction; none if not given, and then substeps do not matter."""
+
+    def check_axes(self, n_axes: int) -> None:
+        """Check that every field has one value per axis or one for all.
+
+        Parameters
+        ----------
+        n_axes
+            Number of axes of the machine.
+        """
+        for name in ("mass", "viscous", "gain"):
+            per_axis(name, getattr(self, name), n_axes)
+        if self.friction is not None:
+            self.friction.check_axes(n_axes)
+
+    def bind(self, n_axes: int, durations: tuple[Scalar, ...], substeps: int) -> BoundRigidAxes:
+        """Return the axes for intervals of known length.
+
+        Parameters
+        ----------
+        n_axes
+            Number of axes.
+        durations
+            Length of each part of a control period over which the command is constant [s].
+        substeps
+            Substeps per control period, shared between the parts; used with dry friction only.
+        """
+        mass = per_axis("mass", self.mass, n_axes)
+        viscous = per_axis("viscous", self.viscous, n_axes)
+        gain = per_axis("gain", self.gain, n_axes)
+        friction = None if self.friction is None else self.friction.bind(mass)
+        lengths = jnp.stack([jnp.asarray(d, float) for d in durations])[:, None]
+        counts = (1,) * len(durations)
+        if friction is not None:
+            counts = _share(substeps, durations)
+            lengths = lengths / np.asarray(counts, float)[:, None]
+        decay, phi_1, phi_2 = phi(-lengths * viscous / mass)
+        return BoundRigidAxes(
+            gain / mass, 1.0 / mass, viscous / mass, lengths[:, 0], decay, lengths * phi_1,
+            lengths**2 * phi_2, gain, viscous, friction, counts,
+        )  # fmt: skip
+
+    def nominal(self, n_axes: int, drive: Drive) -> NominalModel:
+        """Return what a law may know of these axes: mass, viscous, Coulomb, gain.
+
+        Parameters
+        ----------
+        n_axes
+            Number of axes.
+        drive
+            Kind and limit of the command.
+        """
+        coulomb = 0.0 if self.friction is None else self.friction.coulomb
+        return NominalModel(
+            mass=per_axis("mass", self.mass, n_axes),
+            viscous=per_axis("viscous", self.viscous, n_axes),
+            coulomb=per_axis("coulomb", coulomb, n_axes),
+            gain=per_axis("gain", self.gain, n_axes),
+            command_limit=per_axis("command_limit", drive.command_limit, n_axes),
+            command=drive.command,
+        )
+
+
+class BoundRigidAxes(BoundDynamics):
+    """Rigid axes for one sample time; rows of the tables are the parts of a control period."""
+
+    gain_per_mass: AxisVector
+    """K / M."""
+    per_mass: AxisVector
+    """1 / M."""
+    damping: AxisVector
+    """B / M [1/s]."""
+    step: Float[Array, " n_parts"]
+    """Length of a substep [s]."""
+    decay: Float[Array, "n_parts n_axes"]
+    """e^z."""
+    first: Float[Array, "n_parts n_axes"]
+    """h φ₁(z) [s]."""
+    second: Float[Array, "n_parts n_axes"]
+    """h² φ₂(z) [s²]."""
+    gain: AxisVector
+    """K."""
+    viscous: AxisVector
+    """B."""
+    friction: BoundFriction | None
+    counts: tuple[int, ...] = eqx.field(static=True)
+    """Substeps of each part."""
+
+    def steady(self, position: AxisVector, velocity: AxisVector) -> tuple[RigidState, AxisVector]:
+        """Return the state in steady motion and the command that keeps it.
+
+        Parameters
+        ----------
+        position
+            Shape (n_axes,) [m].
+        velocity
+            Shape (n_axes,) [m/s].
+        """
+        effort = self.viscous * velocity
+        if self.friction is not None:
+            effort = effort + self.friction.deceleration(velocity) / self.per_mass
+        return RigidState(position, velocity), effort / self.gain
+
+    def advance(
+        self, state: RigidState, commands: tuple[AxisVector, ...], disturbance: AxisVector
+    ) -> RigidState:
+        """Return the state one control period later.
+
+        Parameters
+        ----------
+        state
+            Motion at its start.
+        commands
+            One per part of the period, shape (n_axes,) each.
+        disturbance
+            Effort over the whole period, shape (n_axes,).
+        """
+        q, v = state.position, state.velocity
+        push = disturbance * self.per_mass
+        drives = [self.gain_per_mass * command + push for command in commands]
+        if self.friction is None:
+            for part, a in enumerate(drives):
+                q = q + self.first[part] * v + self.second[part] * a
+                v = self.decay[part] * v + self.first[part] * a
+            return RigidState(q, v)
+        if len(drives) == 1:
+            return self._slide(state, drives[0], self.step[0], self.counts[0])
+        for part, a in enumerate(drives):
+            state = self._slide(state, a, self.step[part], self.counts[part])
+        return state
+
+    def _slide(self, state: RigidState, a: AxisVector, h: Array, count: int) -> RigidState:
+        friction = self.friction
+        assert friction is not None
+
+        def substep(carry: tuple[Array, Array], _: None) -> tuple[tuple[Array, Array], None]:
+            q, v = carry
+            slope = self.damping + friction.secant(v)
+            middle = (v + 0.5 * h * a) / (1.0 + 0.5 * h * slope)
+            slope = self.damping + friction.secant(middle)
+            _, phi_1, phi_2 = phi(-h * slope)
+            rate = a - slope * v
+            return (q + h * (v + h * phi_2 * rate), v + h * phi_1 * rate), None
+
+        (q, v), _ = jax.lax.scan(substep, (state.position, state.velocity), None, length=count)
+        return RigidState(q, v)
+
+    def position(self, state: RigidState) -> AxisVector:
+        """Return the true axis positions [m].
+
+        Parameters
+        ----------
+        state
+            Motion of the axes.
+        """
+        return state.position
+
+    def velocity(self, state: RigidState) -> AxisVector:
+        """Return the true axis velocities [m/s].
+
+        Parameters
+        ----------
+        state
+            Motion of the axes.
+        """
+        return state.velocity
+
+
+def _share(substeps: int, durations: tuple[Scalar, ...]) -> tuple[int, ...]:
+    if len(durations) == 1:
+        return (substeps,)
+    total = sum(float(d) for d in durations)
+    return tuple(max(1, int(np.ceil(substeps * float(d) / total - 1e-9))) for d in durations)

@@ -1,0 +1,226 @@
+"""The loop itself: a chunk of control steps, for one machine or, under ``vmap``, for many.
+
+Row k: measure at t_k, step, and command k (after the machine's computing delay) acts on
+[t_k, t_k+1). The loop runs in chunks of fixed size, so that a longer run does not recompile, long
+work shows progress, and a run that diverges stops early.
+
+A run has *diverged* when a position is not finite or is further from its reference than
+:data:`DIVERGED_FACTOR` times the extent of the reference (at least 1 m). A diverged lane freezes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from contourlab.contours.base import Contour
+from contourlab.controllers.base import BoundController, Needs
+from contourlab.machines import BoundMachine, Disturbance
+from contourlab.recordings.reference import Reference, ReferencePoint
+from contourlab.recordings.sample import Sample
+from contourlab.typing import Array, Scalar
+
+__all__ = ["Carry", "Rows", "chunk_size", "first_carry", "geometry_rows", "run_chunk", "outputs_of", "split"]
+
+DIVERGED_FACTOR = 10.0
+CHUNKS = (256, 1024, 4096, 16384)
+
+
+class Carry(eqx.Module):
+    """What one control step hands to the next."""
+
+    machine: Any
+    law: Any
+    step: Array
+    """Number of the next row, int32."""
+    diverged_step: Array
+    """Row at which the run diverged, -1 if it did not; int32."""
+    finished_step: Array
+    """Row at which the law said that it had arrived, -1 if it did not; int32."""
+
+
+class Rows(eqx.Module):
+    """One chunk of the reference, with ``preview`` rows more than there are steps."""
+
+    points: ReferencePoint
+    geometry: Array
+    """(n_steps, order + 1, n_coordinates)."""
+
+
+def chunk_size(n_samples: int) -> int:
+    """Return the largest standard chunk that is not longer than a run (at least the smallest).
+
+    Parameters
+    ----------
+    n_samples
+        Length of the run.
+    """
+    return max((size for size in CHUNKS if size <= n_samples), default=CHUNKS[0])
+
+
+def split(reference: Reference, size: int, preview: int) -> list[ReferencePoint]:
+    """Return a reference in chunks of ``size + preview`` rows, padded with its rest point.
+
+    Parameters
+    ----------
+    reference
+        The whole record.
+    size
+        Steps per chunk.
+    preview
+        Rows ahead.
+    """
+    n = reference.n_samples
+    n_chunks = -(-n // size)
+    padding = n_chunks * size + preview - n
+
+    def padded(rows: Any, rest: Any) -> Any:
+        rows = np.asarray(rows)
+        return np.concatenate([rows, np.broadcast_to(rest, (padding, *rows.shape[1:]))])
+
+    points = jax.tree.map(padded, reference.points, reference.rest_point())
+    return [
+        jax.tree.map(lambda x, k=k: x[k * size : (k + 1) * size + preview], points)
+        for k in range(n_chunks)
+    ]
+
+
+def geometry_rows(contour: Contour, parameter: Array, order: int) -> Array:
+    """Return contour derivatives at many parameters, (n, order + 1, n_coordinates).
+
+    Parameters
+    ----------
+    contour
+        The path.
+    parameter
+        Shape (n,).
+    order
+        Highest derivative; -1 gives no rows.
+    """
+    if order < 0:
+        return jnp.zeros((parameter.shape[0], 0, contour.n_axes))
+    return jax.vmap(lambda p: contour.derivatives(p, order))(parameter)  # type: ignore[no-any-return]
+
+
+def _sample(
+    machine: BoundMachine, state: Any, rows: Rows, at: Array, time: Scalar, preview: int
+) -> Sample:
+    measurement = machine.measure(state)
+
+    def ahead(x: Array) -> Array:
+        return jax.lax.dynamic_slice_in_dim(x, at + 1, preview)
+
+    return Sample(
+        time=time,
+        reference=jax.tree.map(lambda x: x[at], rows.points),
+        geometry=rows.geometry[at],
+        preview=jax.tree.map(ahead, rows.points),
+        position=measurement.position,
+        velocity=measurement.velocity,
+    )
+
+
+def first_carry(
+    machine: BoundMachine, law: BoundController, rows: Rows, key: Array, needs: Needs
+) -> Carry:
+    """Return the carry before the first step: the machine at rest at the first reference point.
+
+    Parameters
+    ----------
+    machine, law
+        Both bound.
+    rows
+        The first chunk.
+    key
+        Key of the run's random numbers.
+    needs
+        Of the law.
+    """
+    state = machine.init(rows.points.position[0], key)
+    zero = jnp.zeros((), jnp.int32)
+    sample = _sample(machine, state, rows, zero, jnp.zeros(()), needs.preview)
+    return Carry(state, law.init(sample), zero, zero - 1, zero - 1)
+
+
+def run_chunk(
+    machine: BoundMachine,
+    law: BoundController,
+    disturbances: tuple[Disturbance, ...],
+    carry: Carry,
+    rows: Rows,
+    sample_time: Scalar,
+    reach: Scalar,
+    *,
+    needs: Needs,
+    n_steps: int,
+    freeze: bool,
+) -> tuple[Carry, dict[str, Any]]:
+    """Return the carry after a chunk of steps, and what happened at each.
+
+    Parameters
+    ----------
+    machine, law, disturbances
+        The closed loop.
+    carry
+        From the chunk before.
+    rows
+        The reference in this chunk.
+    sample_time
+        [s].
+    reach
+        A position further than this from its reference has diverged [m].
+    needs
+        Of the law; static.
+    n_steps
+        Steps in the chunk; static.
+    freeze
+        Whether a diverged run keeps its last state (needed for lanes of ``vmap``); static.
+    """
+    n_axes = rows.points.position.shape[-1]
+
+    def step(carry: Carry, at: Array) -> tuple[Carry, dict[str, Any]]:
+        time = carry.step * sample_time
+        sample = _sample(machine, carry.machine, rows, at, time, needs.preview)
+        actual = machine.true_position(carry.machine)
+        command, law_state = law.step(carry.law, sample)
+        disturbance = sum((d.value(time, n_axes) for d in disturbances), start=jnp.zeros(n_axes))
+        machine_state = machine.advance(carry.machine, command, disturbance)
+        lost = ~jnp.all(jnp.abs(actual - sample.reference.position) <= reach)  # NaN is lost too
+        diverged = jnp.where(lost & (carry.diverged_step < 0), carry.step, carry.diverged_step)
+        done = law.finished(law_state) & (carry.finished_step < 0)
+        finished = jnp.where(done, carry.step, carry.finished_step)
+        if freeze:
+            keep = diverged >= 0
+            machine_state, law_state = jax.tree.map(
+                lambda new, old: jnp.where(keep, old, new),
+                (machine_state, law_state),
+                (carry.machine, carry.law),
+            )
+        out = {
+            "actual": actual,
+            "measured": sample.position,
+            "command": command,
+            "telemetry": dict(law.telemetry(law_state)),
+            "status": law.status(law_state),
+        }
+        return Carry(machine_state, law_state, carry.step + 1, diverged, finished), out
+
+    return jax.lax.scan(step, carry, jnp.arange(n_steps, dtype=jnp.int32))
+
+
+def outputs_of(out: Mapping[str, Any]) -> dict[str, np.ndarray[Any, Any]]:
+    """Return a chunk's outputs as NumPy arrays, telemetry under ``telemetry.name``.
+
+    Parameters
+    ----------
+    out
+        As ``run_chunk`` gave it.
+    """
+    flat = {key: np.asarray(value) for key, value in out.items() if key != "telemetry"}
+    flat.update({f"telemetry.{k}": np.asarray(v) for k, v in out["telemetry"].items()})
+    return flat
