@@ -2,10 +2,9 @@
 
 The contour is replaced by its osculating circle at the reference point and the estimate runs to the
 nearest point of that circle: radially in the circle's plane, and straight back to the plane. Exact
-on circles and lines. Elsewhere the circle leaves the contour in the third order: the estimate is
-off by hypot(κ', κ τ) |e_t|³ / 6 to leading order, with e_t the tangential tracking error, κ' the
-derivative of the curvature over arc length and τ the torsion; without an offset the magnitude is
-off by no more than that.
+on circles and lines. Elsewhere the circle leaves the contour in the third order of the lag: the
+magnitude is off by at most hypot(κ', κ τ) |e_t|³ / 6 to leading order, with e_t the tangential
+tracking error, κ' the derivative of the curvature over arc length and τ the torsion.
 
 It fails when the lag reaches the radius of curvature or the curvature changes over the lag. At the
 centre of the circle every point of it is as near as any other; the reference point is taken. At

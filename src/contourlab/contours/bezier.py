@@ -1,28 +1,32 @@
-"""Rational Bézier curves: points, and their parameter as a series of arc length."""
+"""Rational Bézier curves over their own arc length.
+
+The curve is exact; its parameter u is a Chebyshev series of arc length s, and every derivative over
+s follows in closed form from those over u: with the operator D = (1/|dr/du|) d/du, the k-th
+derivative is D^k r, worked on the Taylor series of r at u.
+"""
 
 from __future__ import annotations
 
+from itertools import pairwise
+from math import comb
 from typing import Any
 
+import jax
 import jax.numpy as jnp
-import numpy as np
 
-from contourlab.errors import GeometryError
-from contourlab.typing import Array, AxisVector, Scalar
+from contourlab.typing import Array, AxisVector, Derivatives, Scalar
 
-__all__ = ["bezier_rows", "chebyshev_value", "rational_point"]
+__all__ = [
+    "bezier_derivatives",
+    "bezier_parameter",
+    "chebyshev_value",
+    "rational_point",
+    "rational_taylor",
+]
 
-SERIES = 16
-"""Coefficients of u over s; a curve is cut until they suffice."""
-SERIES_TOLERANCE = 1e-13
-_DEEPEST = 20
 
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
-_CHEBYSHEV = np.cos(np.pi * (np.arange(SERIES) + 0.5) / SERIES)
-_FIT = 2.0 / SERIES * np.cos(np.outer(np.arange(SERIES), np.arccos(_CHEBYSHEV)))
-_FIT[0] *= 0.5
-
-Rows = np.ndarray[Any, Any]
+Series = list[Any]
+"""Taylor coefficients of a scalar function: traced scalars, so that XLA fuses what is done."""
 
 
 def rational_point(control: Array, u: Scalar) -> AxisVector:
@@ -35,10 +39,119 @@ def rational_point(control: Array, u: Scalar) -> AxisVector:
     u
         Parameter, 0 at the first point and 1 at the last.
     """
-    points = control
-    while points.shape[0] > 1:
-        points = points[:-1] + u * (points[1:] - points[:-1])
-    return points[0, :-1] / points[0, -1]
+    return jnp.stack([series[0] for series in rational_taylor(control, u, 0)])
+
+
+def rational_taylor(control: Array, u: Scalar, order: int) -> list[Series]:
+    """Return the Taylor coefficients of a rational Bézier curve at u, d^k r/du^k / k!.
+
+    Parameters
+    ----------
+    control
+        Homogeneous control points (w x, w y, ..., w), shape (degree + 1, n_axes + 1).
+    u
+        Parameter, 0 at the first point and 1 at the last.
+    order
+        Of the last coefficient, >= 0.
+
+    Returns
+    -------
+    list
+        For every axis, its order + 1 coefficients.
+    """
+    # scalar by scalar: in vectors of a few elements XLA spends its time between the operations
+    count, width = control.shape
+    *coordinates, weight = [
+        _polynomial_taylor([control[i, axis] for i in range(count)], u, order)
+        for axis in range(width)
+    ]
+    inverse = 1.0 / weight[0]
+    curve = []
+    for numerator in coordinates:
+        series: Series = []
+        for k in range(order + 1):
+            rest = numerator[k]
+            for j in range(1, k + 1):
+                rest = rest - weight[j] * series[k - j]
+            series.append(rest * inverse)
+        curve.append(series)
+    return curve
+
+
+def _polynomial_taylor(points: Series, u: Scalar, order: int) -> Series:
+    degree = len(points) - 1
+    series: Series = [jnp.zeros_like(points[0])] * (order + 1)
+    for k in range(degree, -1, -1):
+        if k <= order:  # k + 1 points are left: their k-th difference is the coefficient
+            differences = points
+            for _ in range(k):
+                differences = [b - a for a, b in pairwise(differences)]
+            series[k] = comb(degree, k) * differences[0]
+        points = [a + u * (b - a) for a, b in pairwise(points)]
+    return series
+
+
+def bezier_derivatives(
+    control: Array, inverse: Array, length: Scalar, s: Scalar, order: int
+) -> Derivatives:
+    """Return a Bézier piece's point and derivatives over its own arc length.
+
+    Outside [0, length] the piece goes on along the tangent at its end, because the Chebyshev series
+    means nothing there; at both ends the derivatives are the curve's own.
+
+    Parameters
+    ----------
+    control
+        Homogeneous control points, shape (degree + 1, n_axes + 1).
+    inverse
+        Chebyshev coefficients of u over 2 s/length - 1.
+    length, s
+        Length of the piece and arc length from its start [m].
+    order
+        Highest derivative, >= 0.
+
+    Returns
+    -------
+    Derivatives
+        Shape (order + 1, n_axes) [m^(1-k)].
+    """
+    before, after = s < 0.0, s > length
+    outside = before | after
+    inside = jnp.where(before, 0.0, jnp.where(after, length, s))
+    u = bezier_parameter(control, inverse, length, inside)
+    curve = rational_taylor(control, u, max(order, 1))
+    slowness = _slowness(curve)
+    columns = []
+    for series in curve:
+        column = [series[0]]
+        while len(series) > 1:  # one application of (1/|dr/du|) d/du
+            series = _product(slowness, _slope(series))
+            column.append(series[0])
+        column[0] = column[0] + (s - inside) * column[1]
+        column[2:] = [jnp.where(outside, 0.0, value) for value in column[2:]]
+        columns.append(column)
+    return jnp.stack([jnp.stack([column[k] for column in columns]) for k in range(order + 1)])
+
+
+def _slope(series: Series) -> Series:
+    return [(k + 1) * series[k + 1] for k in range(len(series) - 1)]
+
+
+def _product(a: Series, b: Series) -> Series:
+    count = min(len(a), len(b))
+    return [sum((a[j] * b[k - j] for j in range(1, k + 1)), a[0] * b[k]) for k in range(count)]
+
+
+def _slowness(curve: list[Series]) -> Series:
+    """Return the Taylor coefficients of 1/|dr/du|, one fewer than those of r."""
+    squares = [_product(slope, slope) for slope in map(_slope, curve)]
+    squared = [sum(terms[1:], terms[0]) for terms in zip(*squares, strict=True)]
+    # y = x^(-1/2) from 2 x y' = -x' y
+    inverse = [1.0 / jnp.sqrt(squared[0])]
+    for k in range(1, len(squared)):
+        total = sum((k - 0.5 * j) * squared[j] * inverse[k - j] for j in range(1, k + 1))
+        inverse.append(-total / (k * squared[0]))
+    return inverse
 
 
 def chebyshev_value(coefficients: Array, x: Scalar) -> Scalar:
@@ -57,96 +170,29 @@ def chebyshev_value(coefficients: Array, x: Scalar) -> Scalar:
     return coefficients[0] + x * b1 - b2
 
 
-def bezier_rows(rows: Rows) -> tuple[Rows, Rows, Rows, Rows]:
-    """Cut rational Bézier curves until u is a short Chebyshev series of arc length.
+@jax.custom_jvp
+def bezier_parameter(control: Array, inverse: Array, length: Scalar, s: Scalar) -> Scalar:
+    """Return a Bézier piece's own parameter u at its arc length s, from its Chebyshev series.
+
+    The derivative over s is 1/|dr/du|, not that of the series. Tables of geometry are not
+    differentiated: u does not change with control points or length.
 
     Parameters
     ----------
-    rows
-        Homogeneous control points, shape (n_curves, degree + 1, n_axes + 1).
-
-    Returns
-    -------
-    rows, inverse, length, owner
-        The stretches in order: control points, Chebyshev coefficients of u over 2 s/length - 1,
-        lengths [m], and the curve each came from.
-
-    Raises
-    ------
-    GeometryError
-        A curve of no length, or one whose speed vanishes (a cusp).
+    control
+        Homogeneous control points, shape (degree + 1, n_axes + 1).
+    inverse
+        Chebyshev coefficients.
+    length, s
+        Length of the piece and arc length from its start [m], 0 <= s <= length.
     """
-    done: list[tuple[Rows, Rows, float, int]] = []
-    for owner, curve in enumerate(rows):
-        stack = [(curve, 0)]
-        while stack:
-            row, depth = stack.pop()
-            fit = _length_series(row)
-            if fit is not None:
-                done.append((row, *fit, owner))
-                continue
-            if depth == _DEEPEST:
-                raise GeometryError(
-                    f"Bézier curve {owner} stands still somewhere (a cusp, or no length): "
-                    "split it there, or remove repeated control points"
-                )
-            left, right = _halves(row)
-            stack += [(right, depth + 1), (left, depth + 1)]
-    return (
-        np.stack([d[0] for d in done]),
-        np.stack([d[1] for d in done]),
-        np.array([d[2] for d in done]),
-        np.array([d[3] for d in done], np.int32),
-    )
+    del control
+    return chebyshev_value(inverse, 2.0 * s / length - 1.0)
 
 
-def _halves(row: Rows) -> tuple[Rows, Rows]:
-    left, right, points = [row[0]], [row[-1]], row
-    while len(points) > 1:
-        points = 0.5 * (points[:-1] + points[1:])
-        left.append(points[0])
-        right.append(points[-1])
-    return np.stack(left), np.stack(right[::-1])
-
-
-def _speed(row: Rows, u: Rows) -> Rows:
-    """Return |dr/du| at several u."""
-    degree = len(row) - 1
-    points = np.broadcast_to(row, (*u.shape, *row.shape)).copy()
-    at = u[..., None, None]
-    for _ in range(degree - 1):
-        points = points[..., :-1, :] + at * (points[..., 1:, :] - points[..., :-1, :])
-    slope = degree * (points[..., 1, :] - points[..., 0, :])
-    value = points[..., 0, :] + u[..., None] * (points[..., 1, :] - points[..., 0, :])
-    point = value[..., :-1] / value[..., -1:]
-    return np.linalg.norm(  # type: ignore[no-any-return]
-        (slope[..., :-1] - point * slope[..., -1:]) / value[..., -1:], axis=-1
-    )
-
-
-def _arc_length(row: Rows, u: Rows) -> Rows:
-    """Return the length from 0 to each u."""
-    nodes = u[:, None] * (0.5 + 0.5 * _NODES)
-    return 0.5 * u * (_speed(row, nodes) @ _WEIGHTS)
-
-
-def _length_series(row: Rows) -> tuple[Rows, float] | None:
-    """Return Chebyshev coefficients of u over arc length and the length, None if too few."""
-    speed = _speed(row, np.linspace(0.0, 1.0, 33))
-    if not speed.min() > 0.2 * speed.max():
-        return None
-    length = float(_arc_length(row, np.array([1.0]))[0])
-    middle = float(_arc_length(row, np.array([0.5]))[0])
-    other = _arc_length(_halves(row)[1], np.array([1.0]))[0]
-    # control points carry rounding of the size of their coordinates: a short stretch cannot do better
-    rounding = 1e-15 * float(np.abs(row[:, :-1] / row[:, -1:]).max())
-    if abs(middle + other - length) > 1e-13 * length + 4.0 * rounding:
-        return None
-    target = 0.5 * length * (1.0 + _CHEBYSHEV)
-    u = target / length
-    for _ in range(12):
-        u = np.clip(u - (_arc_length(row, u) - target) / _speed(row, u), 0.0, 1.0)
-    coefficients = _FIT @ u
-    if np.abs(coefficients[-2:]).max() > SERIES_TOLERANCE + rounding / length:
-        return None
-    return coefficients, length
+@bezier_parameter.defjvp
+def _bezier_parameter_jvp(primals: Any, tangents: Any) -> Any:
+    control, inverse, length, s = primals
+    u = bezier_parameter(control, inverse, length, s)
+    slowness = _slowness(rational_taylor(control, u, 1))[0]
+    return u, tangents[3] * slowness  # arc length: ds = |dr/du| du

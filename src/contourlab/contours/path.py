@@ -5,16 +5,13 @@ safe at zero curvature; *Bézier* pieces are rational Bézier curves, so that B-
 splines and blends are exact. A piece is a row of numbers, never an object: a path of 100 000
 pieces is a dozen arrays.
 
-A helical piece, over its own arc length s in [0, length], with θ = rate · s:
+The formula of helical pieces is in :mod:`~contourlab.contours.helical`. The arc length of a Bézier
+piece has no closed form: each is cut, when the path is made, into stretches on which its parameter u
+is a Chebyshev series of s to 1e-13; the point is then exactly on the curve, and du/ds = 1/|dr/du|
+holds exactly in every derivative.
 
-    p(s) = origin + U s sin(θ)/θ + V s (1 - cos θ)/θ + W s
-
-where U is the part of the initial tangent in the plane of turning, V the same turned by +90°
-towards the centre, W the part along the axis of the helix, |U|² + |W|² = 1. A line has rate 0.
-
-The arc length of a Bézier piece has no closed form. Each is cut, when the path is made, into
-stretches on which its parameter u is a Chebyshev series of s to 1e-13; the point is then exactly on
-the curve, and du/ds = 1/|dr/du| holds exactly in every derivative.
+Outside its domain an open path goes on: a helical end piece by its formula, a Bézier one straight
+along its tangent.
 """
 
 from __future__ import annotations
@@ -29,15 +26,23 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from contourlab.configuration import real, static
-from contourlab.contours.base import Contour, derivatives_by_jvp
-from contourlab.contours.bezier import bezier_rows, chebyshev_value, rational_point
+from contourlab.contours.base import Contour
+from contourlab.contours.bezier import bezier_derivatives
+from contourlab.contours.bezier_rows import bezier_rows, elevated, end_derivatives
+from contourlab.contours.helical import (
+    check_helical,
+    helical_derivatives,
+    helical_ends,
+    helical_point,
+)
+from contourlab.contours.joints import CORNER, Joints, path_joints
 from contourlab.errors import GeometryError
-from contourlab.typing import Array, AxisVector, Count, Derivatives, Scalar
+from contourlab.typing import AxisVector, Count, Derivatives, Scalar
 
 __all__ = ["Path", "helical_derivatives", "helical_point"]
 
 JOIN_TOLERANCE = 1e-9
-"""Pieces must meet within this fraction of the path's size, or 1 nm."""
+"""Pieces must meet within this fraction of the largest coordinate, or 1 nm."""
 
 
 def _whole(value: Any) -> Any:
@@ -47,7 +52,8 @@ def _whole(value: Any) -> Any:
 class Path(Contour):
     """Pieces end to end; the parameter is arc length [m], derivatives are right-sided at joints.
 
-    Made by :meth:`polyline`, :meth:`from_helical`, :meth:`from_bezier` or :meth:`join`.
+    Made by :meth:`polyline`, :meth:`from_helical`, :meth:`from_bezier`, :meth:`from_contour` or
+    :meth:`join`.
     """
 
     breaks: Float[Array, " n_pieces_plus_one"] = real(unit="m")
@@ -66,6 +72,8 @@ class Path(Contour):
     """Chebyshev coefficients of u over s/length mapped to [-1, 1]."""
     source_line: Int[Array, " n_pieces"] = eqx.field(converter=_whole, kw_only=True)
     """Line of the part program that made the piece, 0 if unknown."""
+    kinds: str = static(allowed=("helical", "bezier", "mixed"))
+    """Which kinds of piece there are; decides what is compiled."""
     is_closed: bool = static(default=False)
 
     # -- making -------------------------------------------------------------------------------
@@ -218,7 +226,7 @@ class Path(Contour):
             raise GeometryError("the paths have different numbers of axes")
         degree = max(p.control_points.shape[1] for p in paths)
         width = max(p.inverse_length.shape[1] for p in paths)
-        rows = [_elevated(np.asarray(p.control_points), degree) for p in paths]
+        rows = [elevated(np.asarray(p.control_points), degree) for p in paths]
         inverse = [
             np.pad(np.asarray(p.inverse_length), ((0, 0), (0, width - p.inverse_length.shape[1])))
             for p in paths
@@ -241,6 +249,31 @@ class Path(Contour):
             np.concatenate([p.source_line for p in paths]),
             closed,
         )
+
+    @staticmethod
+    def from_contour(contour: Contour, tolerance: float) -> Path:
+        """Return a contour as a path, of which the parameter is arc length.
+
+        Lines, arcs, circles, helices and ellipses enter exactly (to rounding). Any other contour is
+        followed by quintic Bézier curves that have its points and first two derivatives at their
+        ends; they are made shorter until the distance, measured at 32 places on each, is within the
+        tolerance. The contour must be smooth: make one path of each smooth stretch, and join them.
+
+        Parameters
+        ----------
+        contour
+            What to follow. A path is returned as it is.
+        tolerance
+            Greatest distance between the path and the contour, > 0 [m].
+
+        Raises
+        ------
+        GeometryError
+            A tolerance that is not > 0 or that cannot be met; a contour that stands still.
+        """
+        from contourlab.contours.fitting import path_from_contour  # which makes paths
+
+        return path_from_contour(contour, tolerance)
 
     def piece(self, index: int) -> Path:
         """Return one piece as a path of its own, with its parameter starting at 0.
@@ -374,151 +407,68 @@ class Path(Contour):
             raise GeometryError(f"order must be >= 0, got {order}")
         k = self.find(parameter) if piece is None else piece
         at = self.wrap(parameter) if self.closed else parameter
-        return self.row_derivatives(k, at - jnp.asarray(self.breaks)[k], order)
+        breaks = jnp.asarray(self.breaks)
+        s = at - breaks[k]
+        if self.kinds != "bezier":
+            vectors = (self.origin, self.tangent_vector, self.normal_vector, self.axial_vector)
+            rows = [jnp.asarray(table)[k] for table in (self.angle_rate, *vectors)]
+            helical = helical_derivatives(s, *rows, order)  # type: ignore[arg-type]
+            if self.kinds == "helical":
+                return helical
+        kind = jnp.asarray(self.bezier_row)[k]
+        row = jnp.maximum(kind, 0)
+        control, inverse = jnp.asarray(self.control_points)[row], jnp.asarray(self.inverse_length)[row]
+        curve = bezier_derivatives(control, inverse, breaks[k + 1] - breaks[k], s, order)
+        return curve if self.kinds == "bezier" else jnp.where(kind >= 0, curve, helical)
 
-    def row_derivatives(self, piece: Count, s: Scalar, order: int) -> Derivatives:
-        """Return one piece's point and derivatives over its own arc length.
+    def source_line_at(self, parameter: Scalar, piece: Count | None = None) -> Count:
+        """Return the line of the part program that made the path at a parameter, 0 if unknown.
 
         Parameters
         ----------
+        parameter
+            Arc length [m].
         piece
-            Which, int32.
-        s
-            Arc length from the start of the piece [m].
-        order
-            Highest derivative, >= 0.
-
-        Returns
-        -------
-        Derivatives
-            Shape (order + 1, n_axes) [m^(1-k)].
+            As from ``locate``; looked up when None.
         """
-        k = piece
-        breaks = jnp.asarray(self.breaks)
+        k = self.find(parameter) if piece is None else piece
+        return jnp.asarray(self.source_line)[k]  # type: ignore[no-any-return]
 
-        def helical(s: Scalar) -> Derivatives:
-            return helical_derivatives(
-                s, jnp.asarray(self.angle_rate)[k], jnp.asarray(self.origin)[k],
-                jnp.asarray(self.tangent_vector)[k], jnp.asarray(self.normal_vector)[k],
-                jnp.asarray(self.axial_vector)[k], order,
-            )  # fmt: skip
+    @property
+    def curvature(self) -> Float[np.ndarray[Any, Any], " n_pieces"]:
+        """Curvature of each helical piece [1/m], 0 for a line; NaN for Bézier ones, where it varies.
 
-        if len(self.control_points) == 0:
-            return helical(s)
-        row = jnp.maximum(jnp.asarray(self.bezier_row)[k], 0)
-        length = breaks[k + 1] - breaks[k]
+        In the plane it is signed, positive for a left turn.
+        """
+        u, v = np.asarray(self.tangent_vector), np.asarray(self.normal_vector)
+        if self.n_axes == 2:
+            size = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+            curvature = np.asarray(self.angle_rate) * size
+        else:
+            curvature = np.abs(self.angle_rate) * np.linalg.norm(u, axis=1)
+        return np.where(np.asarray(self.bezier_row) >= 0, np.nan, curvature)
 
-        def bezier(s: Scalar) -> Derivatives:
-            control = jnp.asarray(self.control_points)[row]
-            inverse = jnp.asarray(self.inverse_length)[row]
-            return derivatives_by_jvp(
-                lambda x: rational_point(control, bezier_parameter(control, inverse, length, x)),
-                s,
-                order,
-            )
+    def joints(self) -> Joints:
+        """Return the joints between the pieces, the seam of a closed path last."""
+        return path_joints(self)
 
-        if np.all(np.asarray(self.bezier_row) >= 0) if not _traced(self.bezier_row) else False:
-            return bezier(s)
-        return jax.lax.cond(jnp.asarray(self.bezier_row)[k] >= 0, bezier, helical, s)  # type: ignore[no-any-return]
+    def corners(self, tolerance: float = CORNER) -> Int[np.ndarray[Any, Any], " n_corners"]:
+        """Return the joints at which the path turns by more than an angle, in order.
 
-
-def _traced(value: Any) -> bool:
-    return isinstance(value, jax.core.Tracer)
-
-
-def _sinc(x: Scalar) -> Scalar:
-    """Return sin(x)/x, smooth at 0."""
-    small = jnp.abs(x) < 1e-2
-    safe = jnp.where(small, 1.0, x)
-    x2 = x * x
-    series = 1.0 - x2 / 6.0 * (1.0 - x2 / 20.0 * (1.0 - x2 / 42.0))
-    return jnp.where(small, series, jnp.sin(safe) / safe)
-
-
-def helical_point(
-    s: Scalar, rate: Scalar, origin: Array, u: Array, v: Array, w: Array
-) -> AxisVector:
-    """Return the point of a helical piece at its own arc length; see the module's formula.
-
-    Parameters
-    ----------
-    s, rate
-        Arc length from the start of the piece [m], angle rate [rad/m].
-    origin, u, v, w
-        The row's vectors, shape (n_axes,).
-    """
-    half = 0.5 * rate * s
-    chord = s * _sinc(half)  # the chord to the point lies at half the angle turned
-    return origin + u * (chord * jnp.cos(half)) + v * (chord * jnp.sin(half)) + w * s
-
-
-def helical_derivatives(
-    s: Scalar, rate: Scalar, origin: Array, u: Array, v: Array, w: Array, order: int
-) -> Derivatives:
-    """Return a helical piece's point and derivatives over its own arc length.
-
-    Parameters
-    ----------
-    s, rate, origin, u, v, w
-        As in :func:`helical_point`.
-    order
-        Highest derivative.
-    """
-    rows = [helical_point(s, rate, origin, u, v, w)]
-    if order >= 1:
-        angle = rate * s
-        along, across = u * jnp.cos(angle) + v * jnp.sin(angle), v * jnp.cos(angle) - u * jnp.sin(
-            angle
-        )
-        rows.append(along + w)
-        factor, turned = rate, (across, -along, -across, along)
-        for k in range(2, order + 1):
-            rows.append(factor * turned[(k - 2) % 4])
-            factor = factor * rate
-    return jnp.stack(rows)
-
-
-@jax.custom_jvp
-def bezier_parameter(control: Array, inverse: Array, length: Scalar, s: Scalar) -> Scalar:
-    """Return a Bézier piece's own parameter u at its arc length s, from its Chebyshev series.
-
-    Parameters
-    ----------
-    control
-        Homogeneous control points, shape (degree + 1, n_axes + 1).
-    inverse
-        Chebyshev coefficients.
-    length, s
-        Length of the piece and arc length from its start [m].
-    """
-    del control
-    return chebyshev_value(inverse, 2.0 * s / length - 1.0)
-
-
-@bezier_parameter.defjvp
-def _bezier_parameter_jvp(primals: Any, tangents: Any) -> Any:
-    control, inverse, length, s = primals
-    u = bezier_parameter(control, inverse, length, s)
-    velocity = derivatives_by_jvp(lambda x: rational_point(control, x), u, 1)[1]
-    # arc length: ds = |dr/du| du; tables of geometry are not differentiated
-    return u, tangents[3] / jnp.sqrt(velocity @ velocity)
-
-
-def _elevated(rows: np.ndarray[Any, Any], count: int) -> np.ndarray[Any, Any]:
-    """Return Bézier rows raised to ``count`` control points each; the curves are unchanged."""
-    while rows.shape[1] < count:
-        n = rows.shape[1]
-        fraction = (np.arange(1, n) / n)[None, :, None]
-        inner = fraction * rows[:, :-1] + (1 - fraction) * rows[:, 1:]
-        rows = np.concatenate([rows[:, :1], inner, rows[:, -1:]], axis=1)
-    return rows
+        Parameters
+        ----------
+        tolerance
+            Angle [rad].
+        """
+        return np.flatnonzero(self.joints().turning_angle > tolerance)
 
 
 def _positive_lengths(length: np.ndarray[Any, Any]) -> None:
     if not np.isfinite(length).all():
         raise GeometryError(f"piece {int(np.argmin(np.isfinite(length)))} is not finite")
     if not (length > 0).all():
-        raise GeometryError(f"piece {int(np.argmin(length > 0))} has no length: two points are equal")
+        at = int(np.argmin(length > 0))
+        raise GeometryError(f"piece {at} must have a length > 0 m, got {length[at]:g}")
 
 
 def _assemble(
@@ -534,26 +484,28 @@ def _assemble(
             raise GeometryError(f"{name} must be finite")
     _positive_lengths(length)
     helical = np.asarray(bezier_row) < 0
-    size2 = np.sum(u * u, axis=1) + np.sum(w * w, axis=1)
-    if not np.allclose(size2[helical], 1.0, rtol=0, atol=1e-9):
-        raise GeometryError("tangent_vector and axial_vector must make a unit tangent")
-    half = 0.5 * rate * length
-    chord = length * np.sinc(half / np.pi)
-    end = start + u * (chord * np.cos(half))[:, None] + v * (chord * np.sin(half))[:, None]
-    end = end + w * length[:, None]
-    if len(control):
-        rows = np.asarray(control)[np.maximum(bezier_row, 0)]
-        end = np.where(helical[:, None], end, rows[:, -1, :-1] / rows[:, -1, -1:])
+    check_helical(u[helical], v[helical], w[helical], rate[helical])
+    end = helical_ends(start, u, v, w, rate, length)[0]
+    if not helical.all():
+        end[~helical] = end_derivatives(control[bezier_row[~helical]], at_end=True)[0]
     following = np.concatenate([start[1:], start[:1]]) if closed else start[1:]
     gap = np.linalg.norm(end[: len(following)] - following, axis=1)
     size = max(float(np.max(np.abs(start))), float(np.max(np.abs(end))))
     if len(gap) and gap.max() > max(JOIN_TOLERANCE * size, 1e-9):
         at = int(np.argmax(gap))
         raise GeometryError(f"piece {at} ends {gap[at]:.3g} m away from the start of the next")
+    breaks = np.concatenate([[0.0], np.cumsum(length)])
+    lost = np.diff(breaks) <= 0.0
+    if lost.any():
+        raise GeometryError(
+            f"piece {int(np.argmax(lost))} is too short for the path: {length[lost][0]:.3g} m of "
+            f"{breaks[-1]:.3g} m is below rounding"
+        )
     if source_line is None:
         source_line = np.zeros(n, np.int32)
     return Path(
-        breaks=np.concatenate([[0.0], np.cumsum(length)]), origin=start, tangent_vector=u,
+        breaks=breaks, kinds="helical" if helical.all() else "mixed" if helical.any() else "bezier",
+        origin=start, tangent_vector=u,
         normal_vector=v, axial_vector=w, angle_rate=rate, bezier_row=np.asarray(bezier_row),
         control_points=control, inverse_length=inverse,
         source_line=np.asarray(source_line, np.int32), is_closed=closed,

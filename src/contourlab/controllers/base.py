@@ -9,11 +9,10 @@ loop's functions. Neither changes; all that evolves is in the state.
 from __future__ import annotations
 
 import abc
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 
 from contourlab.configuration import Configuration
 from contourlab.contours.base import Contour
@@ -41,7 +40,9 @@ class Needs(eqx.Module):
 
     def __check_init__(self) -> None:
         if self.command not in COMMAND_KINDS:
-            raise RefusedError(f"command must be one of {', '.join(COMMAND_KINDS)}, got {self.command!r}")
+            raise RefusedError(
+                f"command must be one of {', '.join(COMMAND_KINDS)}, got {self.command!r}"
+            )
         if self.preview < 0 or self.derivatives < -1:
             raise RefusedError("preview must be >= 0 and derivatives >= -1")
 

@@ -1,1 +1,49 @@
 """Machines: what really happens when a command is given."""
+
+from contourlab.machines.base import (
+    COMMAND_KINDS,
+    BoundDynamics,
+    CommandKind,
+    Dynamics,
+    IdentityTool,
+    LinearTool,
+    NominalModel,
+    ToolMap,
+)
+from contourlab.machines.disturbance import (
+    Disturbance,
+    SineDisturbance,
+    StepDisturbance,
+    total_disturbance,
+)
+from contourlab.machines.drive import Drive
+from contourlab.machines.encoder import Encoder, Measurement, straight_through_round
+from contourlab.machines.friction import Friction
+from contourlab.machines.machine import BoundMachine, Machine, MachineState
+from contourlab.machines.rigid import RigidAxes
+from contourlab.machines.transfer_function import TransferFunctionAxes
+
+__all__ = [
+    "COMMAND_KINDS",
+    "BoundDynamics",
+    "BoundMachine",
+    "CommandKind",
+    "Disturbance",
+    "Drive",
+    "Dynamics",
+    "Encoder",
+    "Friction",
+    "IdentityTool",
+    "LinearTool",
+    "Machine",
+    "MachineState",
+    "Measurement",
+    "NominalModel",
+    "RigidAxes",
+    "SineDisturbance",
+    "StepDisturbance",
+    "ToolMap",
+    "TransferFunctionAxes",
+    "straight_through_round",
+    "total_disturbance",
+]

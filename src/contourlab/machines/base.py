@@ -168,9 +168,7 @@ class BoundDynamics(eqx.Module):
         """
 
     @abc.abstractmethod
-    def advance(
-        self, state: Any, commands: tuple[AxisVector, ...], disturbance: AxisVector
-    ) -> Any:
+    def advance(self, state: Any, commands: tuple[AxisVector, ...], disturbance: AxisVector) -> Any:
         """Return the state one control period later.
 
         Parameters

@@ -25,7 +25,7 @@ class Drive(Configuration):
 
     command: CommandKind = static(allowed=COMMAND_KINDS)
     """Kind of command."""
-    command_limit: Float[Array, "..."] = real(above=0.0, finite=False, ndim=1, default=np.inf)
+    command_limit: Float[Array, ...] = real(above=0.0, finite=False, ndim=1, default=np.inf)
     """Largest magnitude, per axis or one for all; infinite if there is none [V, N, m/s or m]."""
     computing_delay: float = static(default=0.0)
     """From measuring to acting [s]: any multiple or fraction of the sample time."""

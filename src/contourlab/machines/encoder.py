@@ -50,9 +50,9 @@ class Encoder(Configuration):
     A single number holds for every axis.
     """
 
-    resolution: Float[Array, "..."] = real(unit="m", minimum=0.0, ndim=1, default=0.0)
+    resolution: Float[Array, ...] = real(unit="m", minimum=0.0, ndim=1, default=0.0)
     """Distance between counts [m]; 0 for none."""
-    noise: Float[Array, "..."] | None = real(unit="m", minimum=0.0, ndim=1, default=None)
+    noise: Float[Array, ...] | None = real(unit="m", minimum=0.0, ndim=1, default=None)
     """Standard deviation of the normal noise before rounding [m]; not given: none is drawn."""
     velocity: Literal["difference", "ideal"] = static(
         allowed=("difference", "ideal"), default="difference"

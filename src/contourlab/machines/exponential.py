@@ -14,13 +14,29 @@ import jax.numpy as jnp
 
 from contourlab.typing import Array
 
-__all__ = ["phi"]
+__all__ = ["phi", "phi_2"]
 
-_NEAR = 0.1
-"""Below this the polynomial of degree 9 is exact to rounding: the next term is 0.1^10 / 12!."""
-_TAYLOR = (
-    1 / 39916800, 1 / 3628800, 1 / 362880, 1 / 40320, 1 / 5040, 1 / 720, 1 / 120, 1 / 24, 1 / 6, 1 / 2,
-)  # fmt: skip
+_NEAR = 0.05
+_TAYLOR = (1 / 40320, 1 / 5040, 1 / 720, 1 / 120, 1 / 24, 1 / 6, 1 / 2)
+"""The next term is 0.05^7 / 9! = 2e-15; beyond, the quotient loses 1 / 0.05² = 400 roundings."""
+
+
+def phi_2(z: Array) -> Array:
+    """Return φ₂(z), with right derivatives everywhere, zero included.
+
+    Parameters
+    ----------
+    z
+        Any shape, finite, not much above zero.
+    """
+    near = jnp.abs(z) < _NEAR
+    small = jnp.where(near, z, 0.0)
+    large = jnp.where(near, -1.0, z)  # keeps the unused branch, and its derivative, finite
+    series = _TAYLOR[0] * small + _TAYLOR[1]
+    for coefficient in _TAYLOR[2:]:
+        series = series * small + coefficient
+    inverse = 1.0 / large
+    return jnp.where(near, series, ((jnp.exp(large) - 1.0) * inverse - 1.0) * inverse)
 
 
 def phi(z: Array) -> tuple[Array, Array, Array]:
@@ -31,12 +47,5 @@ def phi(z: Array) -> tuple[Array, Array, Array]:
     z
         Any shape, finite, not much above zero.
     """
-    near = jnp.abs(z) < _NEAR
-    small = jnp.where(near, z, 0.0)
-    large = jnp.where(near, -1.0, z)  # keeps the unused branch, and its derivative, finite
-    series = jnp.full_like(small, _TAYLOR[0])
-    for coefficient in _TAYLOR[1:]:
-        series = series * small + coefficient
-    phi_2 = jnp.where(near, series, (jnp.expm1(large) / large - 1.0) / large)
-    phi_1 = 1.0 + z * phi_2
-    return jnp.exp(z), phi_1, phi_2
+    second = phi_2(z)
+    return jnp.exp(z), 1.0 + z * second, second

@@ -1,15 +1,17 @@
 """Friction of an axis: Coulomb and Stribeck, the sign smoothed.
 
-    F(v) = (F_c + (F_s - F_c) exp(-(v / v_s)²) + A tanh(v / v_0)) tanh(v / v_0)
+    F(v) = (F_c + (F_s - F_c) exp(-(v / v_s)²)) tanh(v / v_0)
 
-F_c is the Coulomb level, F_s the breakaway level, v_s the Stribeck velocity, A the asymmetry (half
-the difference between the levels forwards and backwards). The jump of sign(v) is replaced by
-tanh(v / v_0): an axis that should stick creeps instead, at v = v_0 atanh(f / F_s) for a force f
-below breakaway, which is 0.55 v_0 at half the level. Presliding and its hysteresis are not modelled.
-The largest force comes close to F_s when v_0 is well below v_s. Viscous friction belongs to the axis.
+F_c is the Coulomb level (backwards it may be another), F_s the breakaway level, v_s the Stribeck
+velocity. The jump of sign(v) is replaced by tanh(v / v_0): an axis that should stick creeps instead,
+at v = v_0 atanh(f / F_s) for a force f below breakaway, which is 0.55 v_0 at half the level.
+Presliding and its hysteresis are not modelled. The largest force comes close to F_s when v_0 is well
+below v_s. Viscous friction belongs to the axis.
 """
 
 from __future__ import annotations
+
+import dataclasses
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -30,29 +32,28 @@ class Friction(Configuration):
     A single number holds for every axis.
     """
 
-    coulomb: Float[Array, "..."] = real(minimum=0.0, ndim=1)
+    coulomb: Float[Array, ...] = real(minimum=0.0, ndim=1)
     """F_c, sliding friction at speed [effort]."""
-    breakaway: Float[Array, "..."] | None = real(minimum=0.0, ndim=1, default=None)
+    breakaway: Float[Array, ...] | None = real(minimum=0.0, ndim=1, default=None)
     """F_s, at the start of sliding [effort]; as large as ``coulomb`` if not given."""
-    stribeck_velocity: Float[Array, "..."] = real(unit="m/s", above=0.0, ndim=1, default=1e-2)
+    stribeck_velocity: Float[Array, ...] = real(unit="m/s", above=0.0, ndim=1, default=1e-2)
     """v_s, at which the excess over Coulomb has fallen to 1/e [m/s]."""
-    smoothing_velocity: Float[Array, "..."] = real(unit="m/s", above=0.0, ndim=1, default=1e-4)
+    smoothing_velocity: Float[Array, ...] = real(unit="m/s", above=0.0, ndim=1, default=1e-4)
     """v_0, over which the sign is smoothed [m/s]."""
-    asymmetry: Float[Array, "..."] = real(ndim=1, default=0.0)
-    """A, half the Coulomb level forwards minus backwards [effort]."""
+    coulomb_backward: Float[Array, ...] | None = real(minimum=0.0, ndim=1, default=None)
+    """F_c at negative velocity [effort]; as forwards if not given."""
 
     def check(self) -> None:
-        """Check that breakaway is not below Coulomb, and that no level is negative."""
-        if self.breakaway is not None and not np.all(self.breakaway >= self.coulomb):
-            raise ConfigurationError(
-                f"breakaway must be >= coulomb, got breakaway {self.breakaway} and "
-                f"coulomb {self.coulomb}"
-            )
-        if not np.all(np.abs(self.asymmetry) <= self.coulomb):
-            raise ConfigurationError(
-                f"asymmetry must not exceed coulomb in magnitude, got asymmetry {self.asymmetry} "
-                f"and coulomb {self.coulomb}"
-            )
+        """Check that breakaway is not below Coulomb."""
+        if self.breakaway is None:
+            return
+        for name in ("coulomb", "coulomb_backward"):
+            level = getattr(self, name)
+            if level is not None and not np.all(self.breakaway >= level):
+                raise ConfigurationError(
+                    f"breakaway must be >= {name}, got breakaway {self.breakaway} and "
+                    f"{name} {level}"
+                )
 
     def check_axes(self, n_axes: int) -> None:
         """Check that every field has one value per axis or one for all.
@@ -62,9 +63,10 @@ class Friction(Configuration):
         n_axes
             Number of axes of the machine.
         """
-        for name in ("coulomb", "breakaway", "stribeck_velocity", "smoothing_velocity", "asymmetry"):
-            if getattr(self, name) is not None:
-                per_axis(f"friction.{name}", getattr(self, name), n_axes)
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if value is not None:
+                per_axis(f"friction.{field.name}", value, n_axes)
 
     def bind(self, mass: AxisVector) -> BoundFriction:
         """Return the friction as a deceleration of the given masses.
@@ -74,30 +76,35 @@ class Friction(Configuration):
         mass
             Shape (n_axes,) [effort per m/s²].
         """
-        breakaway = self.coulomb if self.breakaway is None else self.breakaway
         n_axes = int(np.shape(mass)[-1])
 
-        def spread(name: str, value: Array) -> AxisVector:
-            return per_axis(name, value, n_axes)
+        def spread(name: str, default: str = "") -> AxisVector:
+            value = getattr(self, name)
+            return per_axis(name, getattr(self, default) if value is None else value, n_axes)
 
+        forward, backward = spread("coulomb"), spread("coulomb_backward", "coulomb")
+        both = self.breakaway is not None
         return BoundFriction(
-            spread("coulomb", self.coulomb) / mass,
-            (spread("breakaway", breakaway) - spread("coulomb", self.coulomb)) / mass,
-            spread("asymmetry", self.asymmetry) / mass,
-            1.0 / spread("stribeck_velocity", self.stribeck_velocity),
-            1.0 / spread("smoothing_velocity", self.smoothing_velocity),
+            forward / mass,
+            backward / mass,
+            (spread("breakaway") - forward) / mass if both else None,
+            (spread("breakaway") - backward) / mass if both else None,
+            1.0 / spread("stribeck_velocity"),
+            1.0 / spread("smoothing_velocity"),
         )
 
 
 class BoundFriction(eqx.Module):
     """Friction divided by mass: what the loop evaluates."""
 
-    level: AxisVector
-    """F_c / M [m/s²]."""
-    excess: AxisVector
+    forward: AxisVector
+    """F_c / M at positive velocity [m/s²]."""
+    backward: AxisVector
+    """F_c / M at negative velocity [m/s²]."""
+    excess_forward: AxisVector | None
     """(F_s - F_c) / M [m/s²]."""
-    asymmetry: AxisVector
-    """A / M [m/s²]."""
+    excess_backward: AxisVector | None
+    """Likewise."""
     per_stribeck: AxisVector
     """1 / v_s [s/m]."""
     per_smoothing: AxisVector
@@ -121,10 +128,12 @@ class BoundFriction(eqx.Module):
         velocity
             Shape (n_axes,) [m/s].
         """
-        x = velocity * self.per_smoothing
-        near = jnp.abs(x) < 1e-3  # the next term of the series is 2e-19
-        sign = jnp.tanh(x)
-        ratio = jnp.where(near, 1.0 - x * x * (1.0 / 3.0 - x * x * (2.0 / 15.0)),
-                          sign / jnp.where(near, 1.0, x))  # fmt: skip
-        bump = jnp.exp(-((velocity * self.per_stribeck) ** 2))
-        return (self.level + self.excess * bump + self.asymmetry * sign) * self.per_smoothing * ratio
+        # tanh(x) / x is 1 to rounding below the floor; each transcendental function is used once,
+        # because XLA cuts its kernels where one is shared
+        x = jnp.maximum(jnp.abs(velocity * self.per_smoothing), 1e-9)
+        ahead = velocity >= 0.0
+        level = jnp.where(ahead, self.forward, self.backward)
+        if self.excess_forward is not None and self.excess_backward is not None:
+            bump = jnp.exp(-((velocity * self.per_stribeck) ** 2))
+            level = level + jnp.where(ahead, self.excess_forward, self.excess_backward) * bump
+        return level * self.per_smoothing * (jnp.tanh(x) / x)

@@ -26,7 +26,7 @@ from jaxtyping import Float
 from contourlab.configuration import part, real
 from contourlab.machines.base import BoundDynamics, Dynamics, NominalModel, per_axis
 from contourlab.machines.drive import Drive
-from contourlab.machines.exponential import phi
+from contourlab.machines.exponential import phi, phi_2
 from contourlab.machines.friction import BoundFriction, Friction
 from contourlab.typing import Array, AxisVector, Scalar
 
@@ -49,11 +49,11 @@ class RigidAxes(Dynamics):
     a force, V if the paper divides by the motor constant.
     """
 
-    mass: Float[Array, "..."] = real(above=0.0, ndim=1)
+    mass: Float[Array, ...] = real(above=0.0, ndim=1)
     """M [effort per m/s²]."""
-    viscous: Float[Array, "..."] = real(minimum=0.0, ndim=1, default=0.0)
+    viscous: Float[Array, ...] = real(minimum=0.0, ndim=1, default=0.0)
     """B [effort per m/s]."""
-    gain: Float[Array, "..."] = real(above=0.0, ndim=1, default=1.0)
+    gain: Float[Array, ...] = real(above=0.0, ndim=1, default=1.0)
     """K [effort per unit of command]."""
     friction: Friction | None = part(default=None)
     """Dry friction; none if not given, and then substeps do not matter."""
@@ -92,10 +92,10 @@ class RigidAxes(Dynamics):
         if friction is not None:
             counts = _share(substeps, durations)
             lengths = lengths / np.asarray(counts, float)[:, None]
-        decay, phi_1, phi_2 = phi(-lengths * viscous / mass)
+        decay, first, second = phi(-lengths * viscous / mass)
         return BoundRigidAxes(
-            gain / mass, 1.0 / mass, viscous / mass, lengths[:, 0], decay, lengths * phi_1,
-            lengths**2 * phi_2, gain, viscous, friction, counts,
+            gain / mass, 1.0 / mass, viscous / mass, lengths[:, 0], decay, lengths * first,
+            lengths**2 * second, gain, viscous, friction, counts,
         )  # fmt: skip
 
     def nominal(self, n_axes: int, drive: Drive) -> NominalModel:
@@ -181,8 +181,6 @@ class BoundRigidAxes(BoundDynamics):
                 q = q + self.first[part] * v + self.second[part] * a
                 v = self.decay[part] * v + self.first[part] * a
             return RigidState(q, v)
-        if len(drives) == 1:
-            return self._slide(state, drives[0], self.step[0], self.counts[0])
         for part, a in enumerate(drives):
             state = self._slide(state, a, self.step[part], self.counts[part])
         return state
@@ -196,9 +194,9 @@ class BoundRigidAxes(BoundDynamics):
             slope = self.damping + friction.secant(v)
             middle = (v + 0.5 * h * a) / (1.0 + 0.5 * h * slope)
             slope = self.damping + friction.secant(middle)
-            _, phi_1, phi_2 = phi(-h * slope)
-            rate = a - slope * v
-            return (q + h * (v + h * phi_2 * rate), v + h * phi_1 * rate), None
+            # the mean velocity over the substep gives both: q moves by h w, v by h (a - slope w)
+            w = v + h * phi_2(-h * slope) * (a - slope * v)
+            return (q + h * w, v + h * (a - slope * w)), None
 
         (q, v), _ = jax.lax.scan(substep, (state.position, state.velocity), None, length=count)
         return RigidState(q, v)

@@ -208,16 +208,18 @@ class FormulaCells(Cells):
         cell = jnp.clip(jnp.nan_to_num(s / extent * FORMULA_CELLS), 0, FORMULA_CELLS - 1)
         safe = jnp.asarray(self.safe_error)[cell.astype(jnp.int32)]
         sure = error2 <= safe * safe
-        last = jnp.inf
-        x = s
-        for _ in range(QUICK_STEPS):
-            move = -(d @ r[1]) / (r[1] @ r[1] + d @ r[2])
-            new = x + move
+
+        def newton(_: int, state: Any) -> Any:
+            x, r, _ = state
+            d = r[0] - q
+            new = x - (d @ r[1]) / (r[1] @ r[1] + d @ r[2])
             if not self.contour.closed:
                 new = jnp.clip(new, 0.0, extent)
-            last, x = jnp.abs(new - x) * jnp.sqrt(r[1] @ r[1]), new
-            r = self.curve(row, x, 2)
-            d = r[0] - q
+            return new, self.curve(row, new, 2), jnp.abs(new - x) * jnp.sqrt(r[1] @ r[1])
+
+        state = (s, r, jnp.inf + 0.0 * s)
+        x, r, last = jax.lax.fori_loop(0, QUICK_STEPS, newton, state)
+        d = r[0] - q
         # Newton's method ends quadratically: the step before last was this small
         small = last <= 1e-8 * jnp.sqrt(error2) + 1e-13
         return x, d @ d, sure & small
@@ -337,7 +339,7 @@ def cells_of(contour: Contour) -> Cells:
         Any contour.
     """
     if not isinstance(contour, Path):
-        return FormulaCells(contour, safe_errors(contour))
+        return FormulaCells(contour, _safe_errors(contour))
     known = all(is_concrete(leaf) for leaf in (contour.angle_rate, contour.axial_vector))
     simple = known and len(contour.control_points) == 0
     straight = False
@@ -407,6 +409,9 @@ def safe_errors(contour: Contour) -> Array:
         safe = 1.0 / (3.2 * 1.2 * most[here.start - width : here.stop - width] + 1e-300)
         best = jnp.maximum(best, jnp.minimum(jnp.minimum(ahead, behind) / 2.2, safe))
     return best
+
+
+_safe_errors = jax.jit(safe_errors)
 
 
 def _windows(values: Array, width: int, reduce: Any, start: float) -> Array:

@@ -54,6 +54,8 @@ class Walker(NamedTuple):
     row: Array
     part: Array
     lap: Array
+    begin: Array
+    """Where in the row the walk through this cell begins."""
     sign: Array
     left: Array
     """Cells that may still be walked; 0 once the stretch has ended."""
@@ -144,19 +146,22 @@ def start(cells: Cells, q: Array, row: Array, s: Array, lap: Array) -> Start:
     squared = d @ d
     reach = 4.0 * squared
     part = cells.find(row, s)
-    low, high = cells.bounds(row, part)
     moving = squared > 0.0
+    # once round, and the rest of the first cell from its far side
+    total = jnp.where(moving, cells.total() + 2, 0).astype(row.dtype)
+    foot = Foot(squared, row, s, lap)
+    ways = [jnp.full_like(row, sign) for sign in (1, -1)]
+    walkers = [Walker(row, part, lap, s, way, total) for way in ways]
+    if not cells.closed_form:
+        return Start(centre, reach, foot, *walkers)
+    # the closed form takes both sides of the reference point at once
+    low, high = cells.bounds(row, part)
     top, over_top = _cut(cells, row, centre, reach, s, high, moving)
     bottom, over_bottom = _cut(cells, row, centre, reach, s, low, moving)
     at = cells.nearest(row, q, bottom, top, moving)
-    foot = _better(Foot(squared, row, s, lap), cells, q, row, at, lap)
-    total = cells.total() + 1  # once round, and the rest of the first cell from its far side
-    walkers = []
-    for sign, over in ((1, over_top), (-1, over_bottom)):
-        way = jnp.full_like(row, sign)
-        out = cells.joint(row, part, way) - centre
-        walker = Walker(row, part, lap, way, jnp.where(moving, total, 0).astype(row.dtype))
-        walkers.append(_advance(cells, walker, over | ~(out @ out <= reach)))
+    foot = _better(foot, cells, q, row, at, lap)
+    for k, over in enumerate((over_top, over_bottom)):
+        walkers[k] = _advance(cells, walkers[k], centre, reach, over)
     return Start(centre, reach, foot, *walkers)
 
 
@@ -178,14 +183,14 @@ def step(
     """
     row, part, going = walker.row, walker.part, walker.left > 0
     low, high = cells.bounds(row, part)
-    begin = jnp.where(walker.sign > 0, low, high)
-    end = jnp.where(walker.sign > 0, high, low)
-    end, over = _cut(cells, row, centre, reach, begin, end, going)
+    begin = walker.begin
+    end, over = _cut(
+        cells, row, centre, reach, begin, jnp.where(walker.sign > 0, high, low), going
+    )
     at = cells.nearest(row, q, jnp.minimum(begin, end), jnp.maximum(begin, end), going)
     better = _better(foot, cells, q, row, at, walker.lap)
     foot = jax.tree.map(lambda new, old: jnp.where(going, new, old), better, foot)
-    out = cells.joint(row, part, walker.sign) - centre
-    return foot, _advance(cells, walker, over | ~(out @ out <= reach))
+    return foot, _advance(cells, walker, centre, reach, over)
 
 
 def walk(cells: Cells, q: Array, begun: Start) -> Foot:
@@ -198,13 +203,22 @@ def walk(cells: Cells, q: Array, begun: Start) -> Foot:
     begun
         What :func:`start` returned.
     """
-    foot = begun.foot
-    for walker in (begun.ahead, begun.behind):
-        foot, _ = jax.lax.while_loop(
-            lambda state: state[1].left > 0,
-            lambda state: step(cells, q, begun.centre, begun.reach, *state),
-            (foot, walker),
+
+    def onward(state: tuple[Foot, Walker, Walker]) -> tuple[Foot, Walker, Walker]:
+        foot, walker, other = state
+        foot, walker = step(cells, q, begun.centre, begun.reach, foot, walker)
+        ended = walker.left <= 0
+        first, second = (
+            jax.tree.map(lambda a, b: jnp.where(ended, a, b), *pair)
+            for pair in ((other, walker), (walker, other))
         )
+        return foot, first, second
+
+    foot, _, _ = jax.lax.while_loop(
+        lambda state: (state[1].left > 0) | (state[2].left > 0),
+        onward,
+        (begun.foot, begun.ahead, begun.behind),
+    )
     return foot
 
 
@@ -222,7 +236,7 @@ def finish(cells: Cells, point: AxisVector, foot: Foot) -> FootPoint:
     """
     contour = cells.contour
     known = jnp.isfinite(foot.squared)
-    row, s, lap = cells.right_side(foot)
+    row, s, lap = cells.right_side(foot.row, foot.s, foot.lap)
     r = cells.curve(row, s, 2)
     d = r[0] - point
     slope, bend = d @ r[1], r[1] @ r[1] + d @ r[2]
@@ -267,17 +281,21 @@ def _better(foot: Foot, cells: Cells, q: Array, row: Array, s: Array, lap: Array
     return jax.tree.map(lambda a, b: jnp.where(closer, a, b), new, foot)
 
 
-def _advance(cells: Cells, walker: Walker, done: Array) -> Walker:
-    """Return the walker at the next cell; it stops at the end of an open contour."""
+def _advance(cells: Cells, walker: Walker, centre: Array, reach: Array, over: Array) -> Walker:
+    """Return the walker at the next cell; it stops outside the ball and at an open end."""
+    out = cells.joint(walker.row, walker.part, walker.sign) - centre
+    done = over | ~(out @ out <= reach)
     part = walker.part + walker.sign
     before, after = part < 0, part >= cells.parts(walker.row)
     row = walker.row + jnp.where(before, -1, 0) + jnp.where(after, 1, 0)
     under, beyond = row < 0, row >= cells.n_rows
     if not cells.contour.closed:
         done = done | under | beyond
-    row = jnp.where(under, cells.n_rows - 1, jnp.where(beyond, 0, row)).astype(walker.row.dtype)
-    lap = walker.lap + jnp.where(under, -1, 0) + jnp.where(beyond, 1, 0)
-    part = jnp.where(before, cells.parts(row) - 1, jnp.where(after, 0, part))
-    left = jnp.where(done, 0, jnp.maximum(walker.left - 1, 0))
     dtype = walker.row.dtype
-    return Walker(row, part.astype(dtype), lap.astype(dtype), walker.sign, left.astype(dtype))
+    row = jnp.where(under, cells.n_rows - 1, jnp.where(beyond, 0, row)).astype(dtype)
+    lap = walker.lap + jnp.where(under, -1, 0) + jnp.where(beyond, 1, 0)
+    part = jnp.where(before, cells.parts(row) - 1, jnp.where(after, 0, part)).astype(dtype)
+    left = jnp.where(done, 0, jnp.maximum(walker.left - 1, 0))
+    low, high = cells.bounds(row, part)
+    begin = jnp.where(walker.sign > 0, low, high)
+    return Walker(row, part, lap.astype(dtype), begin, walker.sign, left.astype(dtype))

@@ -1,0 +1,5 @@
+"""``python -m contourlab.cli``."""
+
+from contourlab.cli.main import main
+
+main()

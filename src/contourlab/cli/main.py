@@ -1,0 +1,194 @@
+"""The program ``contourlab``: its commands, its exit statuses, its messages.
+
+Exit status 0 on success; 2 on the user's mistake, with one sentence on standard error and nothing
+written; 1 on a failure of ours; 130 when interrupted. Nothing heavy is imported before a command
+needs it.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, Any, NoReturn
+
+import typer
+
+import contourlab
+from contourlab.errors import ContourlabError
+
+__all__ = ["app", "main"]
+
+app = typer.Typer(
+    name="contourlab",
+    help="Contouring control: designed, judged by the exact contour error, shipped to real time.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+ScenarioFile = Annotated[Path, typer.Argument(help="Scenario, a TOML file.", show_default=False)]
+PartFile = Annotated[
+    Path | None,
+    typer.Option("--part", help="Part program in place of the scenario's own.", show_default=False),
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace files that exist.")]
+
+
+def _version(value: bool) -> None:
+    if value:
+        typer.echo(f"contourlab {contourlab.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    del version
+
+
+@app.command()
+def compare(
+    scenario: ScenarioFile,
+    output: Annotated[
+        Path | None,
+        typer.Option(help="Folder for report, figures and recordings.", show_default=False),
+    ] = None,
+    part: PartFile = None,
+    as_json: AsJson = False,
+    force: Force = False,
+) -> None:
+    """Run every controller of a scenario on the same part and machine."""
+    from contourlab.cli.output import comparison_files, refuse_files, write_comparison
+    from contourlab.cli.progress import RunProgress
+    from contourlab.reports import comparison_json, comparison_table
+    from contourlab.scenarios import read_scenario
+
+    _prepare()
+    ready = read_scenario(scenario, part=part)
+    if output is not None:
+        refuse_files(output, comparison_files(ready.controllers), force=force)
+    with RunProgress(quiet=as_json) as progress:
+        result = ready.compare(progress.update)
+    report = None
+    if output is not None:
+        report = write_comparison(result, output, ready.magnification, force=force)
+    if as_json:
+        _print_json(comparison_json(result, report))
+        return
+    from rich.console import Console
+
+    console = Console()
+    console.print(comparison_table(result))
+    _say(result.reference.warnings)
+    for name, recording in result.recordings.items():
+        own = [w for w in recording.warnings if w not in result.reference.warnings]
+        _say([f"{name}: {warning}" for warning in own])
+    if report is not None:
+        typer.echo(f"report: {report}")
+    else:
+        typer.echo("add --output FOLDER for the report, figures and recordings")
+
+
+@app.command()
+def simulate(
+    scenario: ScenarioFile,
+    controller: Annotated[
+        str | None,
+        typer.Option(help="Which controller, if there are several.", show_default=False),
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option(help="Recording to write, .nc or .csv.", show_default=False)
+    ] = None,
+    part: PartFile = None,
+    as_json: AsJson = False,
+    force: Force = False,
+) -> None:
+    """Run one controller of a scenario and give its recording and metrics."""
+    from contourlab.cli.output import choose_controller, refuse_recording, write_recording
+    from contourlab.cli.progress import RunProgress
+    from contourlab.reports import comparison_table, run_json
+    from contourlab.scenarios import read_scenario
+    from contourlab.simulation import Comparison
+    from contourlab.simulation import simulate as run
+
+    _prepare()
+    ready = read_scenario(scenario, part=part)
+    name = choose_controller(ready.controllers, controller)
+    if output is not None:
+        refuse_recording(output, force=force)
+    with RunProgress(quiet=as_json) as progress:
+        recording = run(
+            ready.machine,
+            ready.controllers[name],
+            ready.reference,
+            disturbances=ready.disturbances,
+            seed=ready.seed,
+            name=name,
+            progress=lambda done: progress.update(name, done),
+        )
+    if output is not None:
+        write_recording(recording, output, force=force)
+    if as_json:
+        _print_json(run_json(recording))
+        return
+    from rich.console import Console
+
+    Console().print(comparison_table(Comparison({name: recording}, ready.reference, ready.machine)))
+    _say(recording.warnings)
+    if output is not None:
+        typer.echo(f"recording: {output}")
+
+
+def _prepare() -> None:
+    """Let JAX keep what it compiled in the user's cache folder, between runs."""
+    import os
+
+    import jax
+
+    home = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    folder = Path(home) / "contourlab" / "jax"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return  # a home that cannot be written to costs compile time, nothing else
+    jax.config.update("jax_compilation_cache_dir", str(folder))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.05)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+
+
+def _print_json(value: dict[str, Any]) -> None:
+    typer.echo(json.dumps(value, allow_nan=False, ensure_ascii=False))
+
+
+def _say(warnings: Any) -> None:
+    for warning in warnings:
+        typer.secho(f"warning: {warning}", err=True, fg="yellow")
+
+
+def _fail(message: str, status: int) -> NoReturn:
+    typer.secho(f"error: {message}", err=True, fg="red")
+    sys.exit(status)
+
+
+def main() -> None:
+    """Run the program and exit with its status."""
+    try:
+        app()
+    except ContourlabError as error:
+        _fail(str(error), 2)
+    except KeyboardInterrupt:
+        _fail("interrupted; nothing half-written is left", 130)
+    except BrokenPipeError:
+        sys.stderr.close()
+        sys.exit(1)
+    except Exception:  # noqa: BLE001  (the last line of defence: say that it is our failure)
+        import traceback
+
+        traceback.print_exc()
+        _fail("this is a defect of contourlab, not of your input; please report the lines above", 1)

@@ -1,0 +1,219 @@
+"""Local foot points by the million: the same steps as for one point, in chunks.
+
+A chunk of points takes its first step together. Points whose stretch goes on are gathered, both
+ways of each a lane of its own, and take one cell more; those that are done drop out, and the rest
+are gathered again. So a point costs its own cells and not those of the slowest, and memory is that
+of a chunk.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from contourlab.contours.foot_points.cells import Cells, PathCells
+from contourlab.contours.foot_points.local import (
+    Foot,
+    FootPoint,
+    Start,
+    Walker,
+    finish,
+    start,
+    step,
+)
+
+__all__ = ["LARGE", "SMALL", "finish_all", "local_feet", "on_device"]
+
+LARGE, SMALL = 1 << 16, 1 << 11
+"""Lanes of a chunk: of two sizes only, so that nothing is compiled for a new number of points."""
+_ONE_BY_ONE = 6
+"""Rounds of one cell each, before the stragglers go on together."""
+
+Values = np.ndarray[Any, Any]
+
+
+def on_device(cells: Cells) -> Cells:
+    """Return cells whose tables are JAX arrays, so that they are handed over once."""
+    return jax.tree.map(jnp.asarray, cells)  # type: ignore[no-any-return]
+
+
+def _begin_one(cells: Cells, q: Any, near: Any, piece: Any) -> Start:
+    row, s, lap = cells.place(near, piece)
+    begun = start(cells, q, row, s, lap)
+    if isinstance(cells, PathCells):
+        return begun
+    at, squared, sure = cells.quick(q, s)
+    quick = Foot(squared, row, at, lap)
+    foot = jax.tree.map(lambda a, b: jnp.where(sure, a, b), quick, begun.foot)
+
+    def halted(walker: Walker) -> Walker:
+        return walker._replace(left=jnp.where(sure, 0, walker.left))
+
+    return begun._replace(foot=foot, ahead=halted(begun.ahead), behind=halted(begun.behind))
+
+
+@jax.jit
+def _begin(cells: Cells, q: Any, near: Any, piece: Any) -> Start:
+    return jax.vmap(_begin_one, (None, 0, 0, 0))(cells, q, near, piece)
+
+
+@jax.jit
+def _go_on(
+    cells: Cells, q: Any, centre: Any, reach: Any, foot: Foot, walker: Walker, count: Any
+) -> tuple[Foot, Walker]:
+    many = jax.vmap(step, (None, 0, 0, 0, 0, 0))
+
+    def body(state: Any) -> Any:
+        foot, walker, k = state
+        return *many(cells, q, centre, reach, foot, walker), k + 1
+
+    foot, walker, _ = jax.lax.while_loop(
+        lambda state: jnp.any(state[1].left > 0) & (state[2] < count),
+        body,
+        (foot, walker, jnp.zeros((), jnp.int32)),
+    )
+    return foot, walker
+
+
+@jax.jit
+def _finish(cells: Cells, q: Any, foot: Foot) -> FootPoint:
+    return jax.vmap(finish, (None, 0, 0))(cells, q, foot)
+
+
+def padded(values: Any, size: int) -> Any:
+    """Return arrays with their last rows repeated up to a size; none may be empty."""
+
+    def one(x: Values) -> Values:
+        x = np.asarray(x)
+        return x if len(x) == size else np.concatenate([x, np.repeat(x[-1:], size - len(x), axis=0)])
+
+    return jax.tree.map(one, values)
+
+
+def chunks(n: int) -> list[tuple[slice, int]]:
+    """Return slices that cover n points, each with the size that it is padded to."""
+    size = SMALL if n <= SMALL else LARGE
+    return [(slice(k, min(k + size, n)), size) for k in range(0, n, size)]
+
+
+def finish_all(cells: Cells, points: Values, feet: Foot) -> FootPoint:
+    """Return foot points from places on the contour.
+
+    Parameters
+    ----------
+    cells
+        The contour, on the device.
+    points
+        Shape (n, n_axes) [m].
+    feet
+        One per point.
+    """
+    n, n_axes = points.shape
+    result = FootPoint(np.empty(n), np.empty((n, n_axes)), np.empty((n, n_axes)), np.empty(n))
+    for at, size in chunks(n):
+        part = jax.tree.map(lambda x, at=at: x[at], feet)
+        values = _finish(cells, padded(points[at], size), padded(part, size))
+        _store(result, at, values)
+    return result
+
+
+def local_feet(cells: Cells, points: Values, near: Values) -> FootPoint:
+    """Return the local foot point of every point.
+
+    Parameters
+    ----------
+    cells
+        The contour, on the device.
+    points, near
+        Shapes (n, n_axes) [m] and (n,).
+    """
+    n, n_axes = points.shape
+    result = FootPoint(np.empty(n), np.empty((n, n_axes)), np.empty((n, n_axes)), np.empty(n))
+    breaks = None
+    if isinstance(cells, PathCells):
+        breaks = np.asarray(cells.contour.breaks)
+    for at, size in chunks(n):
+        q, parameter = padded((points[at], near[at]), size)
+        begun = _begin(cells, q, parameter, _pieces(breaks, parameter, cells.contour.closed))
+        foot = _walked(cells, q, begun, at.stop - at.start)
+        _store(result, at, _finish(cells, q, foot))
+    return result
+
+
+def _store(result: FootPoint, at: slice, values: FootPoint) -> None:
+    for whole, part in zip(result, values, strict=True):
+        whole[at] = np.asarray(part)[: at.stop - at.start]
+
+
+def _pieces(breaks: Values | None, near: Values, closed: bool) -> Values:
+    if breaks is None:
+        return np.zeros(len(near), np.int32)
+    start, end = breaks[0], breaks[-1]
+    at = start + np.mod(near - start, end - start) if closed else near
+    return np.searchsorted(breaks[1:-1], at, side="right").astype(np.int32)
+
+
+def _walked(cells: Cells, q: Values, begun: Start, n: int) -> Foot:
+    """Return the best feet of a chunk of which the first ``n`` lanes count."""
+    best: Foot = begun.foot
+    owner, state = _still(begun, q, n)
+    if not len(owner):
+        return best
+    best = Foot(*(np.array(x) for x in best))
+    rounds = 0
+    while len(owner):
+        count = 1 if rounds < _ONE_BY_ONE else 8 if len(owner) > SMALL else 1 << 20
+        foot, walker = _stepped(cells, state, count)
+        rounds += 1
+        going = np.asarray(walker.left) > 0
+        _keep(best, owner[~going], jax.tree.map(lambda x: x[~going], foot))  # noqa: B023
+        owner = owner[going]
+        kept = (*state[:3], foot, walker)
+        state = jax.tree.map(lambda x: x[going], kept)  # noqa: B023
+    return best
+
+
+def _still(begun: Start, q: Values, n: int) -> tuple[Values, Any]:
+    """Return the lanes that go on, both ways, and whose they are."""
+    ways = [np.flatnonzero(np.asarray(w.left)[:n] > 0) for w in (begun.ahead, begun.behind)]
+    owner = np.concatenate(ways)
+    walker = jax.tree.map(
+        lambda a, b: np.concatenate([np.asarray(a)[ways[0]], np.asarray(b)[ways[1]]]),
+        begun.ahead,
+        begun.behind,
+    )
+    rest = (q, begun.centre, begun.reach, begun.foot)
+    return owner, (*jax.tree.map(lambda x: np.asarray(x)[owner], rest), walker)
+
+
+def _stepped(cells: Cells, state: Any, count: int) -> tuple[Foot, Walker]:
+    parts = []
+    n = len(state[2])
+    at = 0
+    while at < n:
+        size = SMALL if n - at <= 2 * SMALL else LARGE
+        lanes = slice(at, min(at + size, n))
+        some = padded(jax.tree.map(lambda x, lanes=lanes: x[lanes], state), size)
+        done = _go_on(cells, *some, np.int32(count))
+        parts.append(jax.tree.map(lambda x, m=lanes.stop - at: np.asarray(x)[:m], done))
+        at = lanes.stop
+    return jax.tree.map(lambda *x: np.concatenate(x), *parts)  # type: ignore[no-any-return]
+
+
+def _keep(best: Foot, owner: Values, foot: Foot) -> None:
+    """Write into ``best`` what is nearer; both ways of one point may be among the lanes."""
+    for half in _once_each(owner):
+        at = owner[half]
+        nearer = foot.squared[half] < best.squared[at]
+        for whole, part in zip(best, foot, strict=True):
+            whole[at[nearer]] = part[half][nearer]
+
+
+def _once_each(owner: Values) -> list[Values]:
+    """Return masks in each of which no owner comes twice; owners come in two rising runs."""
+    turn = np.flatnonzero(np.diff(owner) < 0)
+    first = np.arange(len(owner)) <= (turn[0] if len(turn) else len(owner))
+    return [first, ~first]

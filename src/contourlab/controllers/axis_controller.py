@@ -1,0 +1,186 @@
+"""What a law that controls every axis by itself is, so that another law can add to its command.
+
+A step of such a law falls into two halves: it *proposes* a command, and once it is known what was
+really applied it *settles*: integrals that would only push further into a limit are held. A law
+that adds its own share, as cross-coupled control does, stands between the two, so that the axis
+law's anti-windup sees the whole command.
+
+The anti-windup is conditional integration: an axis does not integrate while its command is beyond
+the limit and the error would push it further out. It needs no gain and works with every mix of
+gains; an integral that leads back is never held.
+"""
+
+from __future__ import annotations
+
+import abc
+from typing import Any, ClassVar, Protocol
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from contourlab.configuration import part, real
+from contourlab.contours.base import Contour
+from contourlab.controllers.base import BoundController, Controller
+from contourlab.errors import ConfigurationError, RefusedError
+from contourlab.machines.base import NominalModel
+from contourlab.recordings.sample import Sample
+from contourlab.typing import Array, AxisVector, Count, Scalar
+
+__all__ = ["AxisController", "BoundAxisController", "clip", "held_integral", "per_axis"]
+
+
+class _Saturable(Protocol):
+    saturated: Count
+
+
+class BoundAxisController(BoundController):
+    """An axis law bound to one contour and sample time.
+
+    Its state has a field ``saturated``, an int32: 1 if the last command was beyond a limit.
+    """
+
+    command_limit: Float[Array, ...] = real(above=0.0, finite=False)
+
+    statuses: ClassVar[tuple[str, ...]] = ("normal", "saturated")
+
+    @abc.abstractmethod
+    def propose(self, state: Any, sample: Sample) -> tuple[AxisVector, Any]:
+        """Return the command that the law wants, before any limit, and what to settle with.
+
+        Parameters
+        ----------
+        state
+            As ``init`` or the last ``settle`` returned it.
+        sample
+            This instant.
+        """
+
+    @abc.abstractmethod
+    def settle(self, proposal: Any, wanted: AxisVector, applied: AxisVector) -> Any:
+        """Return the new state, now that it is known what was applied.
+
+        Parameters
+        ----------
+        proposal
+            What ``propose`` returned.
+        wanted
+            The whole command before the limit, with everything that other laws added.
+        applied
+            The command after the limit.
+        """
+
+    def step(self, state: Any, sample: Sample) -> tuple[AxisVector, Any]:
+        """Return the command, shape (n_axes,), and the new state.
+
+        Parameters
+        ----------
+        state
+            As ``init`` or the last ``step`` returned it.
+        sample
+            This instant.
+        """
+        wanted, proposal = self.propose(state, sample)
+        applied = clip(wanted, self.command_limit)
+        return applied, self.settle(proposal, wanted, applied)
+
+    def status(self, state: _Saturable) -> Count:
+        """Return 1 if an axis was at its limit, else 0.
+
+        Parameters
+        ----------
+        state
+            As ``step`` returned it.
+        """
+        return state.saturated
+
+
+class AxisController(Controller):
+    """A law that controls every axis by itself, on a nominal model."""
+
+    model: NominalModel = part()
+
+    @property
+    def n_axes(self) -> int:
+        """Number of axes."""
+        return self.model.n_axes
+
+    @abc.abstractmethod
+    def bind(self, contour: Contour, sample_time: Scalar) -> BoundAxisController:
+        """Return the law for one sample time.
+
+        Parameters
+        ----------
+        contour
+            The path that the loop follows.
+        sample_time
+            Time between samples [s].
+
+        Raises
+        ------
+        RefusedError
+            The law cannot take this contour; says why.
+        """
+
+
+def refuse_position_command(name: str, model: NominalModel) -> None:
+    """Raise RefusedError if a model is commanded by positions: its drive closes the loop itself."""
+    if model.command == "position":
+        raise RefusedError(
+            f"{name} commands a voltage, a force or a velocity; this model takes a position, "
+            "its drive closes the position loop itself"
+        )
+
+
+def per_axis(name: str, value: Any, n_axes: int) -> Array:
+    """Return a value for every axis, shape (n_axes,).
+
+    Parameters
+    ----------
+    name
+        Of the field, for the message.
+    value
+        One number, or one per axis.
+    n_axes
+        Number of axes.
+
+    Raises
+    ------
+    ConfigurationError
+        Neither.
+    """
+    if np.shape(value) not in ((), (n_axes,)):
+        raise ConfigurationError(
+            f"{name} must be one number or one for each of the {n_axes} axes, "
+            f"got shape {np.shape(value)}"
+        )
+    return jnp.broadcast_to(jnp.asarray(value, float), (n_axes,))
+
+
+def clip(command: AxisVector, limit: AxisVector) -> AxisVector:
+    """Return a command within ± limit; NaN stays NaN.
+
+    Parameters
+    ----------
+    command, limit
+        Shape (n_axes,).
+    """
+    return jnp.minimum(jnp.maximum(command, -limit), limit)
+
+
+def held_integral(
+    integral: AxisVector, increment: AxisVector, wanted: AxisVector, applied: AxisVector
+) -> AxisVector:
+    """Return the integral after one sample, held where it would push further into the limit.
+
+    Parameters
+    ----------
+    integral
+        Before, shape (n_axes,).
+    increment
+        What the sample adds; must push the command in the direction of its sign.
+    wanted, applied
+        Command before and after the limit.
+    """
+    outwards = (wanted - applied) * increment > 0.0
+    return integral + jnp.where(outwards, 0.0, increment)

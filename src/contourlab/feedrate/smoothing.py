@@ -1,0 +1,188 @@
+"""A motion in time, smoothed by a moving average: exact, piecewise cubic, limited in jerk.
+
+The average over a window T of a motion with piecewise constant acceleration a₀ has
+
+    v(t) = (s₀(t) - s₀(t - T)) / T,  a(t) = (v₀(t) - v₀(t - T)) / T,  j(t) = (a₀(t) - a₀(t - T)) / T,
+
+so that j is constant between instants of {t_k} and {t_k + T}. A stretch takes T longer than planned.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from contourlab.feedrate.ramps import Ramps
+
+__all__ = ["Profile", "smooth"]
+
+Values = np.ndarray[Any, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """Arc length over time; interval k, of constant jerk, starts at instant k."""
+
+    time: Values
+    """Instants, shape (n,) [s]."""
+    arc: Values
+    """Arc length at each [m]."""
+    speed: Values
+    """[m/s]."""
+    acceleration: Values
+    """To the right of the instant [m/s²]."""
+    jerk: Values
+    """To the right of the instant [m/s³]."""
+    duration: float
+    """Time of arrival, dwells after it included [s]."""
+
+    def at(self, time: Values) -> tuple[Values, Values, Values, Values]:
+        """Return arc length, speed, acceleration and jerk at some instants, right-sided.
+
+        Parameters
+        ----------
+        time
+            Shape (n,) [s]; before the start and after the end the motion rests.
+        """
+        time = np.asarray(time, float)
+        k = np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, len(self.time) - 1)
+        h = np.maximum(time - self.time[k], 0.0)
+        v, a, j = self.speed[k], self.acceleration[k], self.jerk[k]
+        arc = self.arc[k] + h * (v + h * (0.5 * a + h * j / 6.0))
+        following = np.minimum(k + 1, len(self.time) - 1)
+        return (
+            np.minimum(arc, self.arc[following]),
+            np.maximum(v + h * (a + 0.5 * h * j), 0.0),
+            a + h * j,
+            j,
+        )
+
+    def time_at(self, arc: Values) -> Values:
+        """Return the last instant at which each arc length is held, to 1e-15 of the interval.
+
+        Parameters
+        ----------
+        arc
+            Shape (n,) [m].
+        """
+        arc = np.asarray(arc, float)
+        k = np.clip(np.searchsorted(self.arc, arc, side="right") - 1, 0, len(self.time) - 1)
+        low = self.time[k]
+        high = np.append(self.time[1:], self.time[-1])[k]
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            beyond = self.at(middle)[0] > arc
+            high = np.where(beyond, middle, high)
+            low = np.where(beyond, low, middle)
+        return low  # type: ignore[no-any-return]
+
+
+def smooth(
+    ramps: Ramps, window: Values, edges: Values, dwell: Values, dwell_before: float
+) -> tuple[Profile, Values, Values]:
+    """Return the smoothed motion over all stretches.
+
+    Parameters
+    ----------
+    ramps
+        The planned motion.
+    window
+        T of each stretch, shape (n_stretches,) [s].
+    edges
+        Arc lengths of the stops, shape (n_stretches + 1,) [m].
+    dwell
+        Time at rest after each stretch, shape (n_stretches,) [s].
+    dwell_before
+        Time at rest before the first [s].
+
+    Returns
+    -------
+    Profile
+        The motion.
+    Values, Values
+        Instants at which each stretch starts and arrives [s].
+    """
+    n = len(window)
+    planned = ramps.stretch_times(n)
+    begins = dwell_before + np.concatenate([[0.0], np.cumsum(planned + window + dwell)[:-1]])
+    arrives = begins + planned + window
+
+    # every stretch as a table of ramps that ends with a row at rest; times from its own start
+    own = np.concatenate([ramps.stretch, np.arange(n)])
+    order = np.argsort(own, kind="stable")
+    own = own[order]
+
+    def table(values: Values, last: Values) -> Values:
+        return np.concatenate([values, last])[order]
+
+    zero = np.zeros(n)
+    s0 = table(ramps.start - edges[ramps.stretch], np.diff(edges))
+    v0, a0 = table(ramps.speed, zero), table(ramps.acceleration, zero)
+    took = table(ramps.duration, zero)
+    total = np.cumsum(took) - took
+    first = np.searchsorted(own, np.arange(n))
+    t0 = _within(took, own, first, total)
+
+    m = len(own)
+    instant = np.concatenate([t0, t0 + window[own]])
+    stretch = np.concatenate([own, own])
+    order = np.lexsort((np.arange(2 * m), instant, stretch))
+    instant, stretch = instant[order], stretch[order]
+    leading = order < m
+    head = np.cumsum(leading) - 1  # row that holds the instant
+    tail = np.cumsum(~leading) - 1  # row that holds the instant a window earlier
+    waiting = tail < first[stretch]  # the window reaches before the start
+    tail = np.maximum(tail, 0)
+    h = np.maximum(instant - t0[head], 0.0)
+    g = np.where(waiting, 0.0, np.maximum(instant - window[stretch] - t0[tail], 0.0))
+
+    def state(row: Values, h: Values) -> tuple[Values, Values, Values]:
+        return s0[row] + h * (v0[row] + 0.5 * h * a0[row]), v0[row] + h * a0[row], a0[row]
+
+    ahead = state(head, h)
+    behind = tuple(np.where(waiting, 0.0, value) for value in state(tail, g))
+    speed, acceleration, jerk = (
+        (x - y) / window[stretch] for x, y in zip(ahead, behind, strict=True)
+    )
+    last = np.append(stretch[1:] != stretch[:-1], True)
+    starts = np.append(True, last[:-1])
+    rest = last | (speed < 0.0)
+    speed = np.where(rest | starts, 0.0, speed)
+    acceleration = np.where(last | starts, 0.0, acceleration)
+    jerk = np.where(last, 0.0, jerk)
+
+    h = np.where(last, 0.0, np.append(np.diff(instant), 0.0))
+    step = np.maximum(h * (speed + h * (0.5 * acceleration + h * jerk / 6.0)), 0.0)
+    arc = _within(step, stretch, np.flatnonzero(starts), np.cumsum(step) - step)
+    length = np.diff(edges)
+    arc = arc * (length / arc[last])[stretch]  # rounding only: the sum is the length
+    arc = np.where(last, edges[stretch + 1], np.minimum(edges[stretch] + arc, edges[stretch + 1]))
+    time = begins[stretch] + instant
+    time[last] = arrives
+    duration = float(arrives[-1] + dwell[-1])
+    if dwell_before > 0.0:
+        zero = np.zeros(1)
+        time, arc = np.concatenate([zero, time]), np.concatenate([edges[:1], arc])
+        speed, acceleration, jerk = (
+            np.concatenate([zero, x]) for x in (speed, acceleration, jerk)
+        )
+    return Profile(time, arc, speed, acceleration, jerk, duration), begins, arrives
+
+
+def _within(step: Values, group: Values, first: Values, total: Values) -> Values:
+    """Return running sums that start anew in each group, without the rounding of a long sum."""
+    if len(first) == 1:
+        return total
+    sizes = np.diff(np.append(first, len(step)))
+    if int(sizes.max()) > 4096 or len(first) * int(sizes.max()) > 8 * len(step) + 4096:
+        return np.concatenate(
+            [np.cumsum(part) - part for part in np.split(step, first[1:])]
+        )
+    width = int(sizes.max())
+    table = np.zeros((len(first), width))
+    column = np.arange(len(step)) - first[group]
+    table[group, column] = step
+    sums = np.cumsum(table, axis=1) - table
+    return sums[group, column]  # type: ignore[no-any-return]

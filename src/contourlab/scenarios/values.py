@@ -1,0 +1,154 @@
+"""From values in a scenario to the fields of a configuration."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+from collections.abc import Mapping
+from typing import Any, NoReturn
+
+from contourlab.errors import ConfigurationError, ContourlabError, choices
+from contourlab.scenarios.locate import Key
+from contourlab.units import parse_quantity
+
+__all__ = ["KeyedError", "field_value", "make", "needs_unit"]
+
+_DIMENSIONS = {
+    "m": "length",
+    "s": "time",
+    "rad": "angle",
+    "m/s": "velocity",
+    "m/s^2": "acceleration",
+    "m/s^3": "jerk",
+}
+
+
+class KeyedError(ContourlabError):
+    """A mistake at a key of a scenario, before file and line are known."""
+
+    def __init__(self, key: Key, message: str) -> None:
+        self.key, self.message = key, message
+        super().__init__(message)
+
+
+def needs_unit(field: Any) -> str | None:
+    """Return the kind of quantity that a field must be written as, None if a number will do.
+
+    Parameters
+    ----------
+    field
+        A dataclass field.
+    """
+    unit = field.metadata.get("real", {}).get("unit", "")
+    return None if field.name.endswith("_hz") else _DIMENSIONS.get(unit)
+
+
+def field_value(name: str, value: Any, dimension: str | None) -> Any:
+    """Return a value, or nested lists of them, in SI.
+
+    Parameters
+    ----------
+    name
+        Of the field, for messages.
+    value
+        As TOML gave it.
+    dimension
+        Kind of quantity, or None for plain numbers.
+
+    Raises
+    ------
+    UnitError
+        A unit is missing or wrong.
+    ConfigurationError
+        Not a number.
+    """
+    if isinstance(value, list):
+        return [field_value(name, item, dimension) for item in value]
+    if dimension is not None:
+        return parse_quantity(value, dimension, name)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ConfigurationError(f"{name} must be a number, got {value!r}")
+    return float(value)
+
+
+def make(
+    cls: type, values: Mapping[str, Any], key: Key, *, given: Mapping[str, Any] | None = None,
+    parts: Mapping[str, Any] | None = None,
+) -> Any:  # fmt: skip
+    """Return a configuration of a class from a table of a scenario.
+
+    Parameters
+    ----------
+    cls
+        A Configuration class.
+    values
+        The table's entries; ``tuning`` names a rule of the class (``by_<tuning>``) that computes
+        the gains from the other entries.
+    key
+        Where the table stands.
+    given
+        Fields that do not come from the table, such as the model.
+    parts
+        For fields that are configurations themselves: functions from entry and key to the part.
+
+    Raises
+    ------
+    KeyedError
+        An unknown key, a missing one, or a wrong value.
+    """
+    given, parts, values = dict(given or {}), dict(parts or {}), dict(values)
+    fields = {f.name: f for f in dataclasses.fields(cls) if f.init and f.name not in given}
+    rule, target = None, cls
+    if "tuning" in values and "tuning" not in fields:
+        rules = {n.removeprefix("by_"): getattr(cls, n) for n in dir(cls) if n.startswith("by_")}
+        name = values.pop("tuning")
+        if name not in rules:
+            _fail((*key, "tuning"), f"unknown tuning {name!r}; {choices(name, rules)}")
+        rule = target = rules[name]
+    arguments = set(inspect.signature(rule).parameters) - {"settings", *given} if rule else set()
+    known = {*fields, *arguments}
+    made = dict(given)
+    for name, value in values.items():
+        if name not in known:
+            extra = " (and tuning)" if any(n.startswith("by_") for n in dir(cls)) else ""
+            _fail((*key, name), f"unknown key; {choices(name, known)}{extra}")
+        try:
+            if name in parts:
+                made[name] = parts[name](value, (*key, name))
+            elif name in fields and "choice" in fields[name].metadata:
+                made[name] = value
+            else:
+                made[name] = field_value(
+                    name, value, needs_unit(fields[name]) if name in fields else None
+                )
+        except KeyedError:
+            raise
+        except ContourlabError as error:
+            _fail((*key, name), str(error))
+    try:
+        return target(**made)
+    except ContourlabError as error:
+        named = [name for name in values if str(error).startswith(f"{name} ")]
+        _fail((*key, named[0]) if named else key, str(error))
+    except TypeError:
+        missing = _missing(rule, made) if rule else [
+            name for name, f in fields.items()
+            if name not in made and f.default is dataclasses.MISSING
+            and f.default_factory is dataclasses.MISSING
+        ]  # fmt: skip
+        if not missing:
+            raise
+        _fail(key, f"{cls.__name__} needs {', '.join(missing)}")
+
+
+def _missing(function: Any, made: Mapping[str, Any]) -> list[str]:
+    parameters = inspect.signature(function).parameters.values()
+    return [
+        p.name
+        for p in parameters
+        if p.default is p.empty and p.kind is not p.VAR_KEYWORD and p.name not in made
+    ]
+
+
+def _fail(key: Key, message: str) -> NoReturn:
+    raise KeyedError(key, message) from None

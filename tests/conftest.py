@@ -1,0 +1,16 @@
+"""Shared by all tests: float64, and a folder for compiled code between runs."""
+
+import os
+from pathlib import Path
+
+import jax
+import pytest
+
+import contourlab  # noqa: F401  (float64)
+
+_CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "contourlab" / "jax-tests"
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    jax.config.update("jax_compilation_cache_dir", str(_CACHE))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)

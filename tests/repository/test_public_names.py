@@ -1,0 +1,92 @@
+"""Every public name imports, and every public docstring speaks of the parameters that exist."""
+
+import importlib
+import inspect
+import pkgutil
+import re
+
+import pytest
+from numpydoc.docscrape import NumpyDocString
+
+import contourlab
+
+MODULES = sorted(
+    m.name
+    for m in pkgutil.walk_packages(contourlab.__path__, "contourlab.")
+    if not m.name.endswith("__main__")
+)
+
+
+@pytest.mark.parametrize("name", ["contourlab", *MODULES])
+def test_every_name_in_all_exists(name):
+    module = importlib.import_module(name)
+    for public in getattr(module, "__all__", ()):
+        assert getattr(module, public) is not None, f"{name}.{public}"
+
+
+def public_callables():
+    seen = set()
+    for name in MODULES:
+        module = importlib.import_module(name)
+        for public in getattr(module, "__all__", ()):
+            value = getattr(module, public)
+            if not getattr(value, "__module__", "").startswith("contourlab") or id(value) in seen:
+                continue
+            seen.add(id(value))
+            if inspect.isfunction(value):
+                yield f"{name}.{public}", value
+            elif inspect.isclass(value):
+                for key, member in vars(value).items():
+                    function = getattr(member, "__func__", member)
+                    function = inspect.unwrap(getattr(function, "__wrapped__", function))
+                    if inspect.isfunction(function) and not key.startswith("_"):
+                        yield f"{name}.{public}.{key}", function
+
+
+CALLABLES = dict(public_callables())
+
+
+def documented_and_real(function):
+    documentation = NumpyDocString(inspect.getdoc(function) or "")
+    documented = [
+        part.strip().lstrip("*")
+        for parameter in documentation["Parameters"]
+        for part in parameter.name.split(",")
+    ]
+    real = [name for name in inspect.signature(function).parameters if name not in ("self", "cls")]
+    return documented, real
+
+
+@pytest.mark.parametrize("name", sorted(CALLABLES))
+def test_docstring_parameters_are_the_real_ones(name):
+    function = CALLABLES[name]
+    assert inspect.getdoc(function), f"{name} has no docstring"
+    documented, real = documented_and_real(function)
+    if documented or len(real) > 0:
+        assert sorted(documented) == sorted(real), name
+
+
+def test_the_check_sees_a_parameter_that_is_gone():
+    def stale(new):
+        """Do.
+
+        Parameters
+        ----------
+        old
+            Gone.
+        """
+
+    assert documented_and_real(stale) == (["old"], ["new"])
+
+
+def test_every_citation_resolves_and_every_entry_is_used():
+    from pathlib import Path
+
+    root = Path(contourlab.__file__).parents[2]
+    bibliography = root / "docs" / "references.bib"
+    entries = set(re.findall(r"@\w+\{\s*([^,\s]+)", bibliography.read_text()))
+    used = set()
+    for path in (root / "src").rglob("*.py"):
+        used |= set(re.findall(r"^\.\. \[(\w+)\]", path.read_text(), re.MULTILINE))
+        used |= set(re.findall(r"^\s+\.\. \[(\w+)\]", path.read_text(), re.MULTILINE))
+    assert used == entries

@@ -1,0 +1,75 @@
+"""README, pyproject and the files they speak of agree, and the README's code runs."""
+
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text()
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+
+
+def blocks(language):
+    return re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
+
+
+def test_readme_python_runs(tmp_path):
+    snippets = blocks("python")
+    assert snippets
+    for code in snippets:
+        subprocess.run([sys.executable, "-c", code], check=True, cwd=tmp_path, timeout=600)
+
+
+def test_readme_names_files_that_exist():
+    for name in re.findall(r"\]\(((?!https?:|#)[^)]+)\)", README):
+        assert (ROOT / name).exists(), name
+    for name in re.findall(r"examples/[\w./-]+", README):
+        assert (ROOT / name.rstrip(".")).exists(), name
+
+
+def test_readme_commands_name_real_extras():
+    extras = set(PROJECT["project"]["optional-dependencies"])
+    named = set(re.findall(r"\.\[([\w,]+)\]", README))
+    assert named, "the README installs an extra"
+    assert {extra for group in named for extra in group.split(",")} <= extras
+
+
+def test_python_versions_agree():
+    least = re.search(r">=\s*(3\.\d+)", PROJECT["project"]["requires-python"])[1]
+    assert f"Python {least}" in README
+
+
+def test_configured_paths_exist():
+    options = PROJECT["tool"]
+    for path in (
+        *options["pytest"]["ini_options"]["testpaths"],
+        *options["ruff"]["src"],
+        options["mypy"]["mypy_path"],
+        *options["hatch"]["build"]["targets"]["wheel"]["packages"],
+    ):
+        assert (ROOT / path).exists(), path
+
+
+def test_version_is_one():
+    import contourlab
+
+    version = PROJECT["project"]["version"]
+    assert contourlab.__version__ == version
+    assert f"version: {version}" in (ROOT / "CITATION.cff").read_text()
+    assert f"[{version}]" in (ROOT / "CHANGELOG.md").read_text()
+
+
+@pytest.mark.parametrize(
+    "path", sorted((ROOT / "examples").glob("[0-9][0-9]_*.py")), ids=lambda p: p.name
+)
+def test_examples_run(path, tmp_path):
+    subprocess.run([sys.executable, str(path)], check=True, cwd=tmp_path, timeout=600)
+
+
+def test_no_lock_files():
+    names = {path.name for path in ROOT.iterdir()}
+    assert not names & {"uv.lock", "poetry.lock", "pdm.lock", "Pipfile.lock"}
