@@ -10,6 +10,7 @@ from typing import Any, TypeAlias
 
 import jax
 import numpy as np
+from numpy.typing import NDArray
 from jaxtyping import Bool, Float, Int
 
 __all__ = [
@@ -25,7 +26,7 @@ __all__ = [
     "Vector",
 ]
 
-Array: TypeAlias = jax.Array | np.ndarray[Any, Any]
+Array: TypeAlias = jax.Array | NDArray[Any]
 """A JAX array (also while it is traced) or a NumPy array."""
 
 Scalar: TypeAlias = Float[Array, ""] | float

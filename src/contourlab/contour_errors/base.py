@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import abc
-from typing import Any, Self
+from typing import Any
 
 import equinox as eqx
 
@@ -41,7 +41,7 @@ class Estimator(Configuration):
         """What the estimator asks of the loop."""
         return EstimatorNeeds()
 
-    def bind(self, contour: Contour, sample_time: Scalar) -> Self:
+    def bind(self, contour: Contour, sample_time: Scalar) -> Estimator:
         """Return the estimator ready for one contour and sample time.
 
         Parameters

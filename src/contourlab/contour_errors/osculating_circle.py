@@ -16,16 +16,18 @@ the circle in units of its radius,
 
     m² = (1 - g)² + κ² x²                                        (1)
     m - 1 = (κ² x² + g² - 2 g) / (m + 1)                         (2)
-    error = -(d - x T) + k (x² + y² (m - 1)/(m + 1)) / (m (m + 1)) - T x (m - 1)/m      (3)
+    a = (x² (m + 1 + g) + y² (m - 1 + g)) / (m (m + 1)²)         (3)
+    error = -(d - x T) + k a - T x (m - 1)/m                     (4)
 
-where y = g/κ. Nothing is divided by the curvature but y², which is bounded by |d|² and multiplied
-by k (m - 1): at κ → 0 the formula goes over into the tangent line without cancellation. (2) is
-m - 1 without the subtraction. The normal is never formed, so any number of coordinates will do.
+where y = g/κ. (2) is m - 1 without the subtraction. Nothing is divided by the curvature but y²,
+which is bounded by |d|² and multiplied by k (m - 1 + g), third order in the curvature: at κ → 0 the
+formula goes over into the tangent line without cancellation. The normal is never formed, so any
+number of coordinates will do.
 
 References
 ----------
 .. [KorenLo1991] the circular approximation of the contour in variable-gain cross-coupling; the
-   paper was not at hand, equation numbers not checked. Formulas (1) to (3) are derived here.
+   paper was not at hand, equation numbers not checked. Formulas (1) to (4) are derived here.
 
 Differences from the paper
 --------------------------
@@ -77,7 +79,7 @@ class OsculatingCircleEstimator(Estimator):
         m = jnp.sqrt(jnp.where(centre, 1.0, m2))
         excess = (curvature2 * x**2 + g**2 - 2.0 * g) / (m + 1.0)  # (2)
         y2 = g**2 / jnp.where(curvature2 == 0.0, 1.0, curvature2)
-        inward = (x**2 + y2 * excess / (m + 1.0)) / (m * (m + 1.0))
+        inward = (x**2 * (m + 1.0 + g) + y2 * (excess + g)) / (m * (m + 1.0) ** 2)  # (3)
         along = x * excess / m
         inward, along = jnp.where(centre, 0.0, inward), jnp.where(centre, 0.0, along)
-        return -(d - tangent * x) + k * inward - tangent * along  # (3)
+        return -(d - tangent * x) + k * inward - tangent * along  # (4)

@@ -1,1 +1,30 @@
-"""Curves as geometry."""
+"""Curves as geometry: position and derivatives, frames, arc length, the exact foot point, readers."""
+
+from contourlab.contours.base import Contour, Frenet, left_normal, unit
+from contourlab.contours.circle import Arc, Circle
+from contourlab.contours.ellipse import Ellipse
+from contourlab.contours.foot_points import FootPoint, foot_point, local_foot
+from contourlab.contours.gcode import read_gcode, read_gcode_text
+from contourlab.contours.helix import Helix
+from contourlab.contours.line import Line
+from contourlab.contours.part import Part
+from contourlab.contours.path import Path
+
+__all__ = [
+    "Arc",
+    "Circle",
+    "Contour",
+    "Ellipse",
+    "FootPoint",
+    "Frenet",
+    "Helix",
+    "Line",
+    "Part",
+    "Path",
+    "foot_point",
+    "left_normal",
+    "local_foot",
+    "read_gcode",
+    "read_gcode_text",
+    "unit",
+]

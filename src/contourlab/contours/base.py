@@ -125,11 +125,18 @@ class Contour(Configuration):
     def frenet(self, parameter: Scalar, piece: Count | None = None) -> Frenet:
         """Return the Frenet frame at one parameter.
 
-        Planar: tangent, left normal, signed curvature ``(x' y'' - y' x'') / |r'|^3``. Spatial:
-        principal normal, binormal, curvature ``|r' x r''| / |r'|^3``, torsion
-        ``(r' x r'') . r''' / |r' x r''|^2``; where the curvature vanishes the normal is the
-        coordinate axis least aligned with the tangent, made perpendicular to it, and the torsion
-        is 0.
+        Planar: tangent, left normal, signed curvature ``(x' y'' - y' x'') / |r'|^3``, positive for
+        a left turn. Spatial: principal normal, binormal, curvature ``|r' x r''| / |r'|^3``, torsion
+        ``(r' x r'') . r''' / |r' x r''|^2``, positive for a right-handed helix.
+
+        Where a spatial contour is straight to rounding, ``|r' x r''|`` being no more than 1e-12 of
+        ``|r'| max(|r''|, sqrt(|r'| |r'''|))``, the normal is the coordinate axis least aligned with
+        the tangent, made perpendicular to it, the binormal completes the frame, and curvature and
+        torsion are 0. The principal normal itself jumps by 180° at a spatial inflection. Where the
+        contour stands still (a cusp) the tangent is the zero vector and the curvature 0.
+
+        On the contour run backwards the tangent and the planar normal and curvature change sign; in
+        space the normal, curvature and torsion stay, and tangent and binormal change sign.
 
         Parameters
         ----------
@@ -146,7 +153,7 @@ class Contour(Configuration):
         if self.n_axes == 2:
             d = self.derivatives(parameter, 2, piece)
             tangent = unit(d[1])
-            speed = jnp.linalg.norm(d[1])
+            speed = _safe_speed(d[1])
             curvature = (d[1, 0] * d[2, 1] - d[1, 1] * d[2, 0]) / speed**3
             return Frenet(tangent, left_normal(tangent), None, curvature, None)
         if self.n_axes != 3:
@@ -155,10 +162,11 @@ class Contour(Configuration):
             )
         d = self.derivatives(parameter, 3, piece)
         tangent = unit(d[1])
-        speed = jnp.sqrt(d[1] @ d[1])
+        speed = _safe_speed(d[1])
         cross = jnp.cross(d[1], d[2])
         size2 = cross @ cross
-        straight = size2 <= (1e-12 * speed * jnp.maximum(jnp.sqrt(d[2] @ d[2]), speed)) ** 2
+        bend = jnp.maximum(d[2] @ d[2], speed * jnp.sqrt(d[3] @ d[3]))
+        straight = size2 <= 1e-24 * speed**2 * bend
         safe2 = jnp.where(straight, 1.0, size2)
         axis = jnp.eye(3)[jnp.argmin(jnp.abs(tangent))]
         fallback = unit(axis - tangent * (tangent @ axis))
@@ -224,6 +232,12 @@ def _derivative(function: Callable[[Scalar], Array]) -> Callable[[Scalar], Array
         return jax.jvp(function, (parameter,), (jnp.ones_like(parameter),))[1]  # type: ignore[no-any-return]
 
     return derivative
+
+
+def _safe_speed(slope: AxisVector) -> Scalar:
+    """Return |r'|, or 1 where the contour stands still."""
+    squared = slope @ slope
+    return jnp.sqrt(jnp.where(squared == 0.0, 1.0, squared))
 
 
 def unit(vector: AxisVector) -> AxisVector:

@@ -7,10 +7,12 @@ series have died out, else it is halved. All curves are worked on at once.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
 
 from contourlab.errors import GeometryError
 
@@ -22,12 +24,12 @@ SERIES = 16
 SERIES_TOLERANCE = 1e-13
 """What the last coefficients of a series may be, as a fraction of the whole."""
 
-_SPEED_NODES = 33
+_SPEED_NODES = 25
 _DEEPEST = 24
-_AT_ONCE = 2048
+_AT_ONCE = 512
 """Curves worked on together; bounds the memory."""
 
-Rows = np.ndarray[Any, Any]
+Rows = NDArray[Any]
 
 
 def _interpolation(count: int) -> tuple[Rows, Rows]:
@@ -43,6 +45,7 @@ _SPEED_AT, _SPEED_FIT = _interpolation(_SPEED_NODES)
 _INTEGRAL = np.stack(
     [chebyshev.chebint(row, lbnd=-1) for row in np.eye(_SPEED_NODES)], axis=1
 )  # from the coefficients of a function on [-1, 1] to those of its integral from -1
+_AT_PLACES = chebyshev.chebvander(np.linspace(-1.0, 1.0, 9), _SPEED_NODES - 1).T
 
 
 def bezier_rows(rows: Rows) -> tuple[Rows, Rows, Rows, Rows]:
@@ -67,9 +70,7 @@ def bezier_rows(rows: Rows) -> tuple[Rows, Rows, Rows, Rows]:
     kept: list[tuple[Rows, Rows, Rows, Rows, Rows]] = []
     owner, start = np.arange(len(rows)), np.zeros(len(rows))
     for depth in range(_DEEPEST + 1):
-        fits = [
-            _length_series(rows[i : i + _AT_ONCE]) for i in range(0, len(rows), _AT_ONCE)
-        ]
+        fits = [_length_series(rows[i : i + _AT_ONCE]) for i in range(0, len(rows), _AT_ONCE)]
         inverse, length, good = (np.concatenate(part) for part in zip(*fits, strict=True))
         kept.append((rows[good], inverse[good], length[good], owner[good], start[good]))
         rows, owner, start = rows[~good], owner[~good], start[~good]
@@ -84,9 +85,7 @@ def bezier_rows(rows: Rows) -> tuple[Rows, Rows, Rows, Rows]:
             f"Bézier curve {owner.min()} stands still somewhere (a cusp, or no length): "
             "split it there, or remove repeated control points"
         )
-    rows, inverse, length, owner, start = (
-        np.concatenate(part) for part in zip(*kept, strict=True)
-    )
+    rows, inverse, length, owner, start = (np.concatenate(part) for part in zip(*kept, strict=True))
     order = np.lexsort((start, owner))
     return rows[order], inverse[order], length[order], owner[order].astype(np.int32)
 
@@ -158,7 +157,7 @@ def _speed(rows: Rows, u: Rows) -> Rows:
     at = u[None, :, None]
     points = [local[:, i : i + 1] for i in range(degree + 1)]
     while len(points) > 2:
-        points = [a + at * (b - a) for a, b in zip(points[:-1], points[1:], strict=True)]
+        points = [a + at * (b - a) for a, b in pairwise(points)]
     slope = degree * (points[1] - points[0])
     value = points[0] + at * (points[1] - points[0])
     point = value[..., :-1] / value[..., -1:]
@@ -182,18 +181,26 @@ def _length_series(rows: Rows) -> tuple[Rows, Rows, Rows]:
     length = np.sum(travelled, axis=1)
     # control points carry rounding of the size of their coordinates: no stretch does better
     coordinates = np.max(np.abs(rows[..., :-1] / rows[..., -1:]), axis=(1, 2))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        tolerance = SERIES_TOLERANCE + 1e-15 * coordinates / length
-        slowest = np.min(_clenshaw(speed, np.linspace(-1.0, 1.0, 9)[None] + 0 * length[:, None]), 1)
-        good = (slowest > 1e-3 * length) & (
-            np.max(np.abs(speed[:, -3:]), axis=1) < tolerance * length
-        )
-        target = 0.5 * length[:, None] * (1.0 + _NODES)
-        x = np.broadcast_to(_NODES, target.shape)
-        for _ in range(8):
-            step = (_clenshaw(travelled, x) - target) / _clenshaw(speed, x)
-            x = np.clip(x - step, -1.0, 1.0)
-        inverse = (0.5 + 0.5 * x) @ _FIT.T
-        good &= np.max(np.abs(inverse[:, -2:]), axis=1) < tolerance
-        good &= np.max(np.abs(step), axis=1) < 10.0 * tolerance
+    tolerance = SERIES_TOLERANCE + 1e-15 * coordinates / np.maximum(length, 1e-300)
+    slowest = np.min(speed @ _AT_PLACES, axis=1)
+    good = slowest > 1e-3 * length
+    good &= np.max(np.abs(speed[:, -3:]), axis=1) < tolerance * length
+    inverse = np.zeros((len(rows), SERIES))
+    inverse[good], close = _inverse(speed[good], travelled[good], length[good], tolerance[good])
+    good[good] = close
     return inverse, length, good
+
+
+def _inverse(speed: Rows, travelled: Rows, length: Rows, tolerance: Rows) -> tuple[Rows, Rows]:
+    """Return the series of u over arc length and whether it has died out, by Newton's method."""
+    target = 0.5 * length[:, None] * (1.0 + _NODES)
+    x = np.broadcast_to(_NODES, target.shape)
+    step = np.zeros_like(target)
+    for _ in range(8):
+        step = (_clenshaw(travelled, x) - target) / _clenshaw(speed, x)
+        x = np.clip(x - step, -1.0, 1.0)
+        if not np.any(np.abs(step) > 1e-9):  # the next step would be its square
+            break
+    inverse = (0.5 + 0.5 * x) @ _FIT.T
+    close = np.max(np.abs(inverse[:, -2:]), axis=1) < tolerance
+    return inverse, close & (np.max(np.abs(step), axis=1) < 1e-8)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
+from math import comb
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import NDArray
 
 from contourlab.contours.base import Contour
 from contourlab.contours.circle import TURN, Arc, Circle
@@ -15,6 +18,7 @@ from contourlab.contours.helix import Helix
 from contourlab.contours.line import Line
 from contourlab.contours.path import Path
 from contourlab.errors import GeometryError
+from contourlab.typing import Array
 
 __all__ = ["path_from_contour"]
 
@@ -25,7 +29,7 @@ _DEEPEST = 24
 _MEASURED = (np.arange(32) + 0.5) / 32.0
 """Where on a stretch the distance is measured."""
 
-Rows = np.ndarray[Any, Any]
+Rows = NDArray[Any]
 
 
 def path_from_contour(contour: Contour, tolerance: float) -> Path:
@@ -58,34 +62,31 @@ def path_from_contour(contour: Contour, tolerance: float) -> Path:
 
 def _round(contour: Arc | Circle | Helix) -> Path:
     """Return a curve of constant curvature and torsion as helical rows, one for each turn."""
+    start, slope, bend, third = _sampled(contour, np.zeros(1), 3)[0]
     swept = float(contour.domain[1])
-    start, slope, bend = np.asarray(contour.derivatives(0.0, 2))
-    # a turn each, so that the angle within a piece keeps its digits and every piece is one turn
+    speed = float(np.linalg.norm(slope))
+    turning = -third  # over the angle, what turns of the first derivative is minus the third
+    climb = slope - turning if isinstance(contour, Helix) else 0.0 * slope
+    # a turn each, so that the angle within a piece keeps its digits
     count = max(1, int(np.ceil(swept / TURN - 1e-9)))
-    climb = slope - _turned(contour, slope)
-    origin = start + np.arange(count)[:, None] * TURN * climb
     angle = np.full(count, TURN)
     angle[-1] = swept - TURN * (count - 1)
-    speed = float(np.linalg.norm(slope))
-    across = (slope - climb) / speed
+    across, axial = (slope - climb) / speed, climb / speed
     inward = bend / np.linalg.norm(bend) * np.linalg.norm(across)
     return Path.from_helical(
-        origin, *(np.tile(v, (count, 1)) for v in (across, inward, climb / speed)),
-        np.full(count, 1.0 / speed), speed * angle, closed=contour.closed,
-    )  # fmt: skip
-
-
-def _turned(contour: Arc | Circle | Helix, slope: Rows) -> Rows:
-    """Return the part of the first derivative that turns: all of it unless the curve climbs."""
-    if not isinstance(contour, Helix):
-        return slope
-    return -np.asarray(contour.derivatives(0.0, 3))[3]
+        start + np.arange(count)[:, None] * TURN * climb,
+        np.tile(across, (count, 1)),
+        np.tile(inward, (count, 1)),
+        np.tile(axial, (count, 1)),
+        np.full(count, 1.0 / speed),
+        speed * angle,
+        closed=contour.closed,
+    )
 
 
 def _quarters(ellipse: Ellipse) -> Path:
     """Return an ellipse as four rational quadratic Bézier curves."""
-    angles = 0.25 * TURN * np.arange(5)
-    derivatives = np.asarray(jax.vmap(lambda angle: ellipse.derivatives(angle, 1))(angles))
+    derivatives = _sampled(ellipse, 0.25 * TURN * np.arange(5), 1)
     points, slopes = derivatives[:, 0], derivatives[:, 1]
     points[-1] = points[0]
     middle = points[:-1] + slopes[:-1]  # where the tangents at the ends of a quarter meet
@@ -98,14 +99,15 @@ def _hermite(contour: Contour, tolerance: float) -> Path:
     start, end = (float(value) for value in contour.domain)
     if not (np.isfinite([start, end]).all() and end > start):
         raise GeometryError(f"the contour's domain must be finite, got {start:g} to {end:g}")
-    sample = jax.jit(jax.vmap(lambda at: contour.derivatives(at, 2)))
     edges = np.linspace(start, end, _FIRST + 1)
     low, high = edges[:-1], edges[1:]
     kept: list[tuple[Rows, Rows]] = []
     for _ in range(_DEEPEST + 1):
-        control = _quintic(_padded(sample, low), _padded(sample, high), (high - low)[:, None])
+        control = _quintic(
+            _sampled(contour, low, 2), _sampled(contour, high, 2), (high - low)[:, None]
+        )
         places = low[:, None] + (high - low)[:, None] * _MEASURED
-        exact = _padded(sample, places.reshape(-1))[:, 0].reshape(*places.shape, -1)
+        exact = _sampled(contour, places.reshape(-1), 0)[:, 0].reshape(*places.shape, -1)
         if not np.isfinite(exact).all():
             at = places.reshape(-1)[np.argmin(np.isfinite(exact).all(axis=2).reshape(-1))]
             raise GeometryError(f"the contour is not finite at parameter {at:g}")
@@ -131,12 +133,17 @@ def _hermite(contour: Contour, tolerance: float) -> Path:
     return Path.from_bezier(control, closed=contour.closed)
 
 
-def _padded(sample: Any, parameters: Rows) -> Rows:
-    """Return samples at any number of parameters, compiled for few lengths."""
-    size = 1 << max(6, int(np.ceil(np.log2(len(parameters)))))
+def _sampled(contour: Contour, parameters: Rows, order: int) -> Rows:
+    """Return derivatives at any number of parameters, compiled for few lengths."""
+    size = 1 << int(np.ceil(np.log2(len(parameters))))
     padded = np.full(size, parameters[0])
     padded[: len(parameters)] = parameters
-    return np.array(sample(jnp.asarray(padded)))[: len(parameters)]
+    return np.array(_derivatives(contour, jnp.asarray(padded), order))[: len(parameters)]
+
+
+@partial(jax.jit, static_argnums=2)
+def _derivatives(contour: Contour, parameters: Array, order: int) -> Array:
+    return jax.vmap(lambda at: contour.derivatives(at, order))(parameters)
 
 
 def _quintic(first: Rows, last: Rows, step: Rows) -> Rows:
@@ -149,8 +156,6 @@ def _quintic(first: Rows, last: Rows, step: Rows) -> Rows:
 
 def _bernstein(u: Rows, degree: int) -> Rows:
     """Return the values of the Bernstein polynomials, shape (n_u, degree + 1)."""
-    from math import comb
-
     k = np.arange(degree + 1)
     binomial = np.array([comb(degree, i) for i in k], float)
-    return binomial * u[:, None] ** k * (1.0 - u[:, None]) ** (degree - k)  # type: ignore[no-any-return]
+    return binomial * u[:, None] ** k * (1.0 - u[:, None]) ** (degree - k)

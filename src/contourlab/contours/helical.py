@@ -19,16 +19,23 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import NDArray
 
 from contourlab.errors import GeometryError
 from contourlab.typing import Array, AxisVector, Derivatives, Scalar
 
-__all__ = ["check_helical", "helical_derivatives", "helical_ends", "helical_point"]
+__all__ = [
+    "check_helical",
+    "helical_derivatives",
+    "helical_end_points",
+    "helical_ends",
+    "helical_point",
+]
 
 _UNIT_TOLERANCE = 1e-9
 """How far the vectors of a piece may be from making a unit tangent, in the square."""
 
-Rows = np.ndarray[Any, Any]
+Rows = NDArray[Any]
 
 
 def _sinc(x: Scalar) -> Scalar:
@@ -82,6 +89,24 @@ def helical_derivatives(
     return jnp.stack(rows)
 
 
+def helical_end_points(origin: Rows, u: Rows, v: Rows, w: Rows, rate: Rows, length: Rows) -> Rows:
+    """Return the points at an arc length of each of many pieces, shape (n_pieces, n_axes) [m].
+
+    Parameters
+    ----------
+    origin, u, v, w
+        Shape (n_pieces, n_axes).
+    rate, length
+        Angle rate [rad/m] and arc length [m], shape (n_pieces,).
+    """
+    half = 0.5 * rate * length
+    chord = length * np.sinc(half / np.pi)
+    point = origin + u * (chord * np.cos(half))[:, None]
+    point += v * (chord * np.sin(half))[:, None]
+    point += w * length[:, None]
+    return point
+
+
 def helical_ends(
     origin: Rows, u: Rows, v: Rows, w: Rows, rate: Rows, length: Rows
 ) -> tuple[Rows, Rows, Rows]:
@@ -99,12 +124,8 @@ def helical_ends(
     point, tangent, curvature
         Each of shape (n_pieces, n_axes): [m], none, [1/m].
     """
-    half = 0.5 * rate * length
-    chord = length * np.sinc(half / np.pi)
-    cosine, sine = np.cos(half), np.sin(half)
-    point = origin + u * (chord * cosine)[:, None] + v * (chord * sine)[:, None]
-    point += w * length[:, None]
-    cosine, sine = np.cos(2.0 * half)[:, None], np.sin(2.0 * half)[:, None]
+    point = helical_end_points(origin, u, v, w, rate, length)
+    cosine, sine = np.cos(rate * length)[:, None], np.sin(rate * length)[:, None]
     return point, u * cosine + v * sine + w, rate[:, None] * (v * cosine - u * sine)
 
 

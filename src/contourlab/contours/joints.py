@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import equinox as eqx
 import numpy as np
 from jaxtyping import Float, Int
+from numpy.typing import NDArray
 
 from contourlab.contours.bezier_rows import end_derivatives
 from contourlab.contours.helical import helical_ends
@@ -31,15 +32,15 @@ class Joints(eqx.Module):
     are NumPy arrays of shape (n_joints,).
     """
 
-    parameter: Float[np.ndarray[Any, Any], " n_joints"]
+    parameter: Float[NDArray[Any], " n_joints"]
     """Arc length [m]; for the seam the end of the domain."""
-    turning_angle: Float[np.ndarray[Any, Any], " n_joints"]
+    turning_angle: Float[NDArray[Any], " n_joints"]
     """Angle between the tangents before and after, 0 to π [rad]."""
-    curvature_jump: Float[np.ndarray[Any, Any], " n_joints"]
+    curvature_jump: Float[NDArray[Any], " n_joints"]
     """Size of the difference of the curvature vectors after and before [1/m]."""
-    line_before: Int[np.ndarray[Any, Any], " n_joints"]
+    line_before: Int[NDArray[Any], " n_joints"]
     """Source line of the piece that ends, 0 if unknown."""
-    line_after: Int[np.ndarray[Any, Any], " n_joints"]
+    line_after: Int[NDArray[Any], " n_joints"]
     """Source line of the piece that begins."""
 
 
@@ -58,10 +59,10 @@ def piece_ends(path: Path, *, at_end: bool) -> tuple[Any, Any, Any]:
     point, tangent, curvature
         NumPy arrays of shape (n_pieces, n_axes): [m], none, [1/m].
     """
-    length = np.diff(np.asarray(path.breaks))
+    at = np.diff(np.asarray(path.breaks)) * float(at_end)
     ends = helical_ends(
         np.asarray(path.origin), np.asarray(path.tangent_vector), np.asarray(path.normal_vector),
-        np.asarray(path.axial_vector), np.asarray(path.angle_rate), length if at_end else 0 * length,
+        np.asarray(path.axial_vector), np.asarray(path.angle_rate), at,
     )  # fmt: skip
     rows = np.asarray(path.bezier_row)
     curved = rows >= 0

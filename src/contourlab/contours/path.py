@@ -6,8 +6,8 @@ splines and blends are exact. A piece is a row of numbers, never an object: a pa
 pieces is a dozen arrays.
 
 The formula of helical pieces is in :mod:`~contourlab.contours.helical`. The arc length of a Bézier
-piece has no closed form: each is cut, when the path is made, into stretches on which its parameter u
-is a Chebyshev series of s to 1e-13; the point is then exactly on the curve, and du/ds = 1/|dr/du|
+piece has no closed form: each is cut, when the path is made, into stretches on which its parameter
+u is a Chebyshev series of s to 1e-13; the point is then exactly on the curve, and du/ds = 1/|dr/du|
 holds exactly in every derivative.
 
 Outside its domain an open path goes on: a helical end piece by its formula, a Bézier one straight
@@ -24,25 +24,19 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
+from numpy.typing import NDArray
 
 from contourlab.configuration import real, static
 from contourlab.contours.base import Contour
 from contourlab.contours.bezier import bezier_derivatives
-from contourlab.contours.bezier_rows import bezier_rows, elevated, end_derivatives
-from contourlab.contours.helical import (
-    check_helical,
-    helical_derivatives,
-    helical_ends,
-    helical_point,
-)
+from contourlab.contours.bezier_rows import bezier_rows
+from contourlab.contours.helical import helical_derivatives, helical_point
 from contourlab.contours.joints import CORNER, Joints, path_joints
+from contourlab.contours.path_rows import joined_fields, path_fields, positive_lengths
 from contourlab.errors import GeometryError
-from contourlab.typing import AxisVector, Count, Derivatives, Scalar
+from contourlab.typing import Array, AxisVector, Count, Derivatives, Scalar
 
 __all__ = ["Path", "helical_derivatives", "helical_point"]
-
-JOIN_TOLERANCE = 1e-9
-"""Pieces must meet within this fraction of the largest coordinate, or 1 nm."""
 
 
 def _whole(value: Any) -> Any:
@@ -114,17 +108,16 @@ class Path(Contour):
         """
         start = np.atleast_2d(np.asarray(start, float))
         n, n_axes = start.shape
-        vectors = [np.asarray(v, float) for v in (tangent_vector, normal_vector, axial_vector)]
-        return _assemble(
-            start,
-            *vectors,
-            np.asarray(angle_rate, float),
-            np.asarray(length, float),
-            np.full(n, -1, np.int32),
-            np.zeros((0, 2, n_axes + 1)),
-            np.zeros((0, 1)),
-            source_line,
-            closed,
+        u, v, w = (
+            np.asarray(vector, float) for vector in (tangent_vector, normal_vector, axial_vector)
+        )
+        rate, lengths = np.asarray(angle_rate, float), np.asarray(length, float)
+        control, inverse = np.zeros((0, 2, n_axes + 1)), np.zeros((0, 1))
+        kinds = np.full(n, -1, np.int32)
+        return Path(
+            **path_fields(
+                start, u, v, w, rate, lengths, kinds, control, inverse, source_line, closed
+            )
         )
 
     @staticmethod
@@ -152,7 +145,7 @@ class Path(Contour):
             points = np.concatenate([points, points[:1]])
         steps = np.diff(points, axis=0)
         length = np.linalg.norm(steps, axis=1)
-        _positive_lengths(length)
+        positive_lengths(length)
         zero = np.zeros_like(steps)
         tangent = steps / length[:, None]
         return Path.from_helical(
@@ -185,8 +178,7 @@ class Path(Contour):
         points = np.asarray(control_points, float)
         if points.ndim != 3 or points.shape[1] < 2:
             raise GeometryError(
-                "control_points must have shape (n_curves, degree + 1, n_axes), "
-                f"got {points.shape}"
+                f"control_points must have shape (n_curves, degree + 1, n_axes), got {points.shape}"
             )
         weights = np.ones(points.shape[:2]) if weights is None else np.asarray(weights, float)
         if weights.shape != points.shape[:2] or not (weights > 0).all():
@@ -199,10 +191,10 @@ class Path(Contour):
         lines = None if source_line is None else np.asarray(source_line, np.int32)[owner]
         zero = np.zeros((n, n_axes))
         start = rows[:, 0, :-1] / rows[:, 0, -1:]
-        return _assemble(
+        return Path(**path_fields(
             start, zero, zero, zero, np.zeros(n), length, np.arange(n, dtype=np.int32),
             rows, inverse, lines, closed,
-        )  # fmt: skip
+        ))  # fmt: skip
 
     @staticmethod
     def join(paths: Sequence[Path], *, closed: bool = False) -> Path:
@@ -220,35 +212,7 @@ class Path(Contour):
         GeometryError
             None given, different numbers of axes, or ends that do not meet.
         """
-        if not paths:
-            raise GeometryError("a path needs one piece or more")
-        if len({path.n_axes for path in paths}) > 1:
-            raise GeometryError("the paths have different numbers of axes")
-        degree = max(p.control_points.shape[1] for p in paths)
-        width = max(p.inverse_length.shape[1] for p in paths)
-        rows = [elevated(np.asarray(p.control_points), degree) for p in paths]
-        inverse = [
-            np.pad(np.asarray(p.inverse_length), ((0, 0), (0, width - p.inverse_length.shape[1])))
-            for p in paths
-        ]
-        offset, bezier_row = 0, []
-        for path in paths:
-            own = np.asarray(path.bezier_row)
-            bezier_row.append(np.where(own >= 0, own + offset, -1))
-            offset += len(path.control_points)
-        return _assemble(
-            np.concatenate([p.origin for p in paths]),
-            np.concatenate([p.tangent_vector for p in paths]),
-            np.concatenate([p.normal_vector for p in paths]),
-            np.concatenate([p.axial_vector for p in paths]),
-            np.concatenate([p.angle_rate for p in paths]),
-            np.concatenate([np.diff(p.breaks) for p in paths]),
-            np.concatenate(bezier_row).astype(np.int32),
-            np.concatenate(rows),
-            np.concatenate(inverse),
-            np.concatenate([p.source_line for p in paths]),
-            closed,
-        )
+        return Path(**joined_fields(paths, closed))
 
     @staticmethod
     def from_contour(contour: Contour, tolerance: float) -> Path:
@@ -293,13 +257,13 @@ class Path(Contour):
         at = slice(index % self.n_pieces, index % self.n_pieces + 1)
         row = int(self.bezier_row[at][0])
         used = slice(row, row + 1) if row >= 0 else slice(0, 0)
-        return _assemble(
+        return Path(**path_fields(
             np.asarray(self.origin)[at], np.asarray(self.tangent_vector)[at],
             np.asarray(self.normal_vector)[at], np.asarray(self.axial_vector)[at],
             np.asarray(self.angle_rate)[at], np.diff(self.breaks)[at],
             np.array([0 if row >= 0 else -1], np.int32), np.asarray(self.control_points)[used],
             np.asarray(self.inverse_length)[used], np.asarray(self.source_line)[at], False,
-        )  # fmt: skip
+        ))  # fmt: skip
 
     # -- asking -------------------------------------------------------------------------------
 
@@ -348,7 +312,7 @@ class Path(Contour):
         """
         at = self.wrap(parameter) if self.closed else parameter
         index = jnp.searchsorted(jnp.asarray(self.breaks[1:-1]), at, side="right")
-        return index.astype(jnp.int32)  # type: ignore[no-any-return]
+        return index.astype(jnp.int32)
 
     def locate(self, parameter: Scalar, piece: Count) -> Count:
         """Return the piece that holds a parameter, walking from another piece.
@@ -372,7 +336,7 @@ class Path(Contour):
 
         index = jnp.clip(jnp.asarray(piece, jnp.int32), 0, last)
         index = jax.lax.while_loop(ahead, lambda k: k + 1, index)
-        return jax.lax.while_loop(behind, lambda k: k - 1, index)  # type: ignore[no-any-return]
+        return jax.lax.while_loop(behind, lambda k: k - 1, index)
 
     def position(self, parameter: Scalar, piece: Count | None = None) -> AxisVector:
         """Return the point at one arc length, shape (n_axes,) [m].
@@ -384,7 +348,7 @@ class Path(Contour):
         piece
             As from ``locate``; looked up when None.
         """
-        return self.derivatives(parameter, 0, piece)[0]  # type: ignore[no-any-return]
+        return self.derivatives(parameter, 0, piece)[0]
 
     def derivatives(self, parameter: Scalar, order: int, piece: Count | None = None) -> Derivatives:
         """Return the point and its derivatives over arc length.
@@ -410,14 +374,23 @@ class Path(Contour):
         breaks = jnp.asarray(self.breaks)
         s = at - breaks[k]
         if self.kinds != "bezier":
-            vectors = (self.origin, self.tangent_vector, self.normal_vector, self.axial_vector)
-            rows = [jnp.asarray(table)[k] for table in (self.angle_rate, *vectors)]
-            helical = helical_derivatives(s, *rows, order)  # type: ignore[arg-type]
+            helical = helical_derivatives(
+                s,
+                jnp.asarray(self.angle_rate)[k],
+                jnp.asarray(self.origin)[k],
+                jnp.asarray(self.tangent_vector)[k],
+                jnp.asarray(self.normal_vector)[k],
+                jnp.asarray(self.axial_vector)[k],
+                order,
+            )
             if self.kinds == "helical":
                 return helical
         kind = jnp.asarray(self.bezier_row)[k]
         row = jnp.maximum(kind, 0)
-        control, inverse = jnp.asarray(self.control_points)[row], jnp.asarray(self.inverse_length)[row]
+        control, inverse = (
+            jnp.asarray(self.control_points)[row],
+            jnp.asarray(self.inverse_length)[row],
+        )
         curve = bezier_derivatives(control, inverse, breaks[k + 1] - breaks[k], s, order)
         return curve if self.kinds == "bezier" else jnp.where(kind >= 0, curve, helical)
 
@@ -432,13 +405,14 @@ class Path(Contour):
             As from ``locate``; looked up when None.
         """
         k = self.find(parameter) if piece is None else piece
-        return jnp.asarray(self.source_line)[k]  # type: ignore[no-any-return]
+        return jnp.asarray(self.source_line)[k]
 
     @property
-    def curvature(self) -> Float[np.ndarray[Any, Any], " n_pieces"]:
-        """Curvature of each helical piece [1/m], 0 for a line; NaN for Bézier ones, where it varies.
+    def curvature(self) -> Float[NDArray[Any], " n_pieces"]:
+        """Curvature of each helical piece [1/m], 0 for a line.
 
-        In the plane it is signed, positive for a left turn.
+        NaN for a Bézier piece, where it varies. In the plane it is signed, positive for a left
+        turn.
         """
         u, v = np.asarray(self.tangent_vector), np.asarray(self.normal_vector)
         if self.n_axes == 2:
@@ -452,7 +426,7 @@ class Path(Contour):
         """Return the joints between the pieces, the seam of a closed path last."""
         return path_joints(self)
 
-    def corners(self, tolerance: float = CORNER) -> Int[np.ndarray[Any, Any], " n_corners"]:
+    def corners(self, tolerance: float = CORNER) -> Int[NDArray[Any], " n_corners"]:
         """Return the joints at which the path turns by more than an angle, in order.
 
         Parameters
@@ -461,52 +435,3 @@ class Path(Contour):
             Angle [rad].
         """
         return np.flatnonzero(self.joints().turning_angle > tolerance)
-
-
-def _positive_lengths(length: np.ndarray[Any, Any]) -> None:
-    if not np.isfinite(length).all():
-        raise GeometryError(f"piece {int(np.argmin(np.isfinite(length)))} is not finite")
-    if not (length > 0).all():
-        at = int(np.argmin(length > 0))
-        raise GeometryError(f"piece {at} must have a length > 0 m, got {length[at]:g}")
-
-
-def _assemble(
-    start: Any, u: Any, v: Any, w: Any, rate: Any, length: Any, bezier_row: Any,
-    control: Any, inverse: Any, source_line: Any, closed: bool,
-) -> Path:  # fmt: skip
-    n = len(start)
-    if n == 0:
-        raise GeometryError("a path needs one piece or more")
-    for name, value in (("start", start), ("vectors", u), ("vectors", v), ("vectors", w),
-                        ("angle_rate", rate)):  # fmt: skip
-        if not np.isfinite(value).all():
-            raise GeometryError(f"{name} must be finite")
-    _positive_lengths(length)
-    helical = np.asarray(bezier_row) < 0
-    check_helical(u[helical], v[helical], w[helical], rate[helical])
-    end = helical_ends(start, u, v, w, rate, length)[0]
-    if not helical.all():
-        end[~helical] = end_derivatives(control[bezier_row[~helical]], at_end=True)[0]
-    following = np.concatenate([start[1:], start[:1]]) if closed else start[1:]
-    gap = np.linalg.norm(end[: len(following)] - following, axis=1)
-    size = max(float(np.max(np.abs(start))), float(np.max(np.abs(end))))
-    if len(gap) and gap.max() > max(JOIN_TOLERANCE * size, 1e-9):
-        at = int(np.argmax(gap))
-        raise GeometryError(f"piece {at} ends {gap[at]:.3g} m away from the start of the next")
-    breaks = np.concatenate([[0.0], np.cumsum(length)])
-    lost = np.diff(breaks) <= 0.0
-    if lost.any():
-        raise GeometryError(
-            f"piece {int(np.argmax(lost))} is too short for the path: {length[lost][0]:.3g} m of "
-            f"{breaks[-1]:.3g} m is below rounding"
-        )
-    if source_line is None:
-        source_line = np.zeros(n, np.int32)
-    return Path(
-        breaks=breaks, kinds="helical" if helical.all() else "mixed" if helical.any() else "bezier",
-        origin=start, tangent_vector=u,
-        normal_vector=v, axial_vector=w, angle_rate=rate, bezier_row=np.asarray(bezier_row),
-        control_points=control, inverse_length=inverse,
-        source_line=np.asarray(source_line, np.int32), is_closed=closed,
-    )  # fmt: skip

@@ -2,7 +2,7 @@
 
 from contourlab.controllers.axis_controller import AxisController, BoundAxisController
 from contourlab.controllers.axis_pid import AxisPid
-from contourlab.controllers.base import BoundController, Controller, Needs
+from contourlab.controllers.base import BoundController, Controller, Needs, in_tool_space
 from contourlab.controllers.cascade import Cascade
 from contourlab.controllers.cross_coupled import CrossCoupled
 
@@ -15,4 +15,5 @@ __all__ = [
     "Controller",
     "CrossCoupled",
     "Needs",
+    "in_tool_space",
 ]

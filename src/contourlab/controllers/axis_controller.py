@@ -13,7 +13,7 @@ gains; an integral that leads back is never held.
 from __future__ import annotations
 
 import abc
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import jax.numpy as jnp
 import numpy as np
@@ -30,6 +30,7 @@ from contourlab.typing import Array, AxisVector, Count, Scalar
 __all__ = ["AxisController", "BoundAxisController", "clip", "held_integral", "per_axis"]
 
 
+@runtime_checkable
 class _Saturable(Protocol):
     saturated: Count
 
@@ -40,7 +41,7 @@ class BoundAxisController(BoundController):
     Its state has a field ``saturated``, an int32: 1 if the last command was beyond a limit.
     """
 
-    command_limit: Float[Array, ...] = real(above=0.0, finite=False)
+    command_limit: Float[Array, " ..."] = real(above=0.0, finite=False)
 
     statuses: ClassVar[tuple[str, ...]] = ("normal", "saturated")
 

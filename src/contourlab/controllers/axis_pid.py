@@ -97,18 +97,18 @@ class AxisPid(AxisController):
         The model is commanded by positions.
     """
 
-    kp: Float[Array, ...] = real(unit="command unit per m", minimum=0.0)
-    ki: Float[Array, ...] = real(unit="command unit per m s", minimum=0.0, default=0.0)
-    kd: Float[Array, ...] = real(unit="command unit per m/s", minimum=0.0, default=0.0)
-    derivative_cutoff_hz: Float[Array, ...] = real(
+    kp: Float[Array, " ..."] = real(unit="command unit per m", minimum=0.0)
+    ki: Float[Array, " ..."] = real(unit="command unit per m s", minimum=0.0, default=0.0)
+    kd: Float[Array, " ..."] = real(unit="command unit per m/s", minimum=0.0, default=0.0)
+    derivative_cutoff_hz: Float[Array, " ..."] = real(
         unit="Hz", above=0.0, finite=False, default=np.inf
     )
     derivative_on: str = static(allowed=("error", "measurement"), default="error")
     derivative_source: str = static(allowed=("position", "velocity"), default="position")
-    velocity_feed_forward: Float[Array, ...] = real(minimum=0.0, maximum=1.0, default=0.0)
-    acceleration_feed_forward: Float[Array, ...] = real(minimum=0.0, maximum=1.0, default=0.0)
-    friction_feed_forward: Float[Array, ...] = real(minimum=0.0, maximum=1.0, default=0.0)
-    friction_velocity: Float[Array, ...] = real(unit="m/s", above=0.0, default=1e-3)
+    velocity_feed_forward: Float[Array, " ..."] = real(minimum=0.0, maximum=1.0, default=0.0)
+    acceleration_feed_forward: Float[Array, " ..."] = real(minimum=0.0, maximum=1.0, default=0.0)
+    friction_feed_forward: Float[Array, " ..."] = real(minimum=0.0, maximum=1.0, default=0.0)
+    friction_velocity: Float[Array, " ..."] = real(unit="m/s", above=0.0, default=1e-3)
 
     def check(self) -> None:
         """Raise RefusedError if the model is commanded by positions."""
@@ -217,9 +217,9 @@ class AxisPid(AxisController):
 class BoundAxisPid(BoundAxisController):
     """The discretised law; made by :meth:`AxisPid.bind`."""
 
-    kp: Float[Array, ...] = real(ndim=1)
-    ki: Float[Array, ...] = real(ndim=1)
-    kd: Float[Array, ...] = real(ndim=1)
+    kp: Float[Array, " ..."] = real(ndim=1)
+    ki: Float[Array, " ..."] = real(ndim=1)
+    kd: Float[Array, " ..."] = real(ndim=1)
     sample_time: Scalar = real(unit="s", above=0.0)
     derivative: FilteredDerivative = part()
     feed_forward: ModelFeedForward = part()

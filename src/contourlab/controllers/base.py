@@ -9,19 +9,21 @@ loop's functions. Neither changes; all that evolves is in the state.
 from __future__ import annotations
 
 import abc
+import dataclasses
 from typing import Any, ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 
 from contourlab.configuration import Configuration
 from contourlab.contours.base import Contour
 from contourlab.errors import RefusedError
-from contourlab.machines.base import COMMAND_KINDS, CommandKind
+from contourlab.machines.base import COMMAND_KINDS, CommandKind, ToolMap
 from contourlab.recordings.sample import Sample
 from contourlab.typing import Array, AxisVector, Count, Flag, Scalar
 
-__all__ = ["BoundController", "Controller", "Needs"]
+__all__ = ["BoundController", "Controller", "Needs", "in_tool_space"]
 
 
 class Needs(eqx.Module):
@@ -141,3 +143,20 @@ class Controller(Configuration):
         RefusedError
             The law cannot take this contour; says why.
         """
+
+
+def in_tool_space(sample: Sample, tool: ToolMap) -> Sample:
+    """Return a sample whose measured position and velocity are those of the tool, for an estimator.
+
+    The reference stays in axes: an estimator takes the contour from ``geometry``, which is in tool
+    space, and the speed along it from the reference's parameter rate.
+
+    Parameters
+    ----------
+    sample
+        One instant, in axes.
+    tool
+        Of the machine, as the law believes it.
+    """
+    position, velocity = jax.jvp(tool.tool_from_axes, (sample.position,), (sample.velocity,))
+    return dataclasses.replace(sample, position=position, velocity=velocity)

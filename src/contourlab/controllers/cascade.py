@@ -98,17 +98,17 @@ class Cascade(AxisController):
         The model is commanded by positions.
     """
 
-    position_gain: Float[Array, ...] = real(unit="1/s", minimum=0.0)
-    velocity_proportional: Float[Array, ...] | None = real(
+    position_gain: Float[Array, " ..."] = real(unit="1/s", minimum=0.0)
+    velocity_proportional: Float[Array, " ..."] | None = real(
         unit="command unit per m/s", minimum=0.0, default=None
     )
-    velocity_integral: Float[Array, ...] | None = real(
+    velocity_integral: Float[Array, " ..."] | None = real(
         unit="command unit per m", minimum=0.0, default=None
     )
-    velocity_feed_forward: Float[Array, ...] = real(minimum=0.0, maximum=1.0, default=0.0)
-    acceleration_feed_forward: Float[Array, ...] = real(minimum=0.0, maximum=1.0, default=0.0)
-    friction_feed_forward: Float[Array, ...] = real(minimum=0.0, maximum=1.0, default=0.0)
-    friction_velocity: Float[Array, ...] = real(unit="m/s", above=0.0, default=1e-3)
+    velocity_feed_forward: Float[Array, " ..."] = real(minimum=0.0, maximum=1.0, default=0.0)
+    acceleration_feed_forward: Float[Array, " ..."] = real(minimum=0.0, maximum=1.0, default=0.0)
+    friction_feed_forward: Float[Array, " ..."] = real(minimum=0.0, maximum=1.0, default=0.0)
+    friction_velocity: Float[Array, " ..."] = real(unit="m/s", above=0.0, default=1e-3)
 
     def check(self) -> None:
         """Check that the velocity loop is given where there is one, and only there."""
@@ -246,10 +246,10 @@ class Cascade(AxisController):
 class BoundCascade(BoundAxisController):
     """The discretised law; made by :meth:`Cascade.bind`."""
 
-    position_gain: Float[Array, ...] = real(unit="1/s", ndim=1)
-    velocity_share: Float[Array, ...] = real(ndim=1)
-    proportional: Float[Array, ...] = real(ndim=1)
-    integral: Float[Array, ...] = real(ndim=1)
+    position_gain: Float[Array, " ..."] = real(unit="1/s", ndim=1)
+    velocity_share: Float[Array, " ..."] = real(ndim=1)
+    proportional: Float[Array, " ..."] = real(ndim=1)
+    integral: Float[Array, " ..."] = real(ndim=1)
     sample_time: Scalar = real(unit="s", above=0.0)
     feed_forward: ModelFeedForward = part()
     outer_only: bool = static()

@@ -123,13 +123,25 @@ class CrossCoupled(Controller):
 
     axis: AxisController = part()
     estimator: Estimator = part()
-    kp: Float[Array, ...] = real(unit="command unit per m", minimum=0.0)
-    ki: Float[Array, ...] = real(unit="command unit per m s", minimum=0.0, default=0.0)
-    kd: Float[Array, ...] = real(unit="command unit per m/s", minimum=0.0, default=0.0)
-    derivative_cutoff_hz: Float[Array, ...] = real(
+    kp: Float[Array, " ..."] = real(unit="command unit per m", minimum=0.0)
+    ki: Float[Array, " ..."] = real(unit="command unit per m s", minimum=0.0, default=0.0)
+    kd: Float[Array, " ..."] = real(unit="command unit per m/s", minimum=0.0, default=0.0)
+    derivative_cutoff_hz: Float[Array, " ..."] = real(
         unit="Hz", above=0.0, finite=False, default=np.inf
     )
     form: str = static(allowed=("normal", "vector"), default="normal")
+
+    def __check_init__(self) -> None:
+        if not isinstance(self.axis, AxisController):
+            raise ConfigurationError(
+                "axis must be an axis law, such as AxisPid or Cascade, "
+                f"got {type(self.axis).__name__}"
+            )
+        if not isinstance(self.estimator, Estimator):
+            raise ConfigurationError(
+                "estimator must be an estimator, such as TangentEstimator(), "
+                f"got {self.estimator!r}"
+            )
 
     @property
     def needs(self) -> Needs:
@@ -194,9 +206,9 @@ class BoundCrossCoupled(BoundController):
 
     axis: BoundAxisController = part()
     estimator: Estimator = part()
-    kp: Float[Array, ...] = real(ndim=1)
-    ki: Float[Array, ...] = real(ndim=1)
-    kd: Float[Array, ...] = real(ndim=1)
+    kp: Float[Array, " ..."] = real(ndim=1)
+    ki: Float[Array, " ..."] = real(ndim=1)
+    kd: Float[Array, " ..."] = real(ndim=1)
     sample_time: Scalar = real(unit="s", above=0.0)
     derivative: FilteredDerivative = part()
     follows_path: bool = static()

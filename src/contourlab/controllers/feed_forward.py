@@ -36,10 +36,10 @@ class ModelFeedForward(Configuration):
         Reference speed at which the smooth sign has reached 0.76 [m/s].
     """
 
-    acceleration: Float[Array, ...] = real(ndim=1)
-    velocity: Float[Array, ...] = real(ndim=1)
-    friction: Float[Array, ...] = real(ndim=1)
-    friction_velocity: Float[Array, ...] = real(unit="m/s", above=0.0)
+    acceleration: Float[Array, " ..."] = real(ndim=1)
+    velocity: Float[Array, " ..."] = real(ndim=1)
+    friction: Float[Array, " ..."] = real(ndim=1)
+    friction_velocity: Float[Array, " ..."] = real(unit="m/s", above=0.0)
 
     @staticmethod
     def of_model(

@@ -14,6 +14,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import NDArray
 
 from contourlab.contours.base import Contour
 from contourlab.contours.path import Path
@@ -22,7 +23,7 @@ from contourlab.typing import Array
 
 __all__ = ["ArcLength", "arc_derivatives", "contour_derivatives", "parameter_derivatives"]
 
-Values = np.ndarray[Any, Any]
+Values = NDArray[Any]
 
 TOLERANCE = 1e-12
 """Largest error of an inverted arc length, in lengths of the contour."""

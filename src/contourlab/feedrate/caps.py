@@ -6,9 +6,9 @@ With the speed v, the tangential acceleration a and its rate j, an axis moves by
     acceleration   r'' v² + r' a
     jerk           r''' v³ + 3 r'' v a + r' j.
 
-A place gets a cap V on the speed first, which leaves a share of the acceleration and of the jerk to
-the tangential motion, and then a cap on |a| that holds for every v <= V. Where |j| <= |a|max / T, as
-the smoothing of :mod:`contourlab.feedrate.smoothing` gives it, the jerk limit is one on |a| too:
+A place gets a cap V on the speed first, which leaves a share of the acceleration and of the jerk
+to the tangential motion, and then a cap on |a| that holds for every v <= V. Where |j| <= |a|max / T,
+as the smoothing of :mod:`contourlab.feedrate.smoothing` gives it, the jerk limits |a| too:
 
     |a| <= (J - |r'''| V³) / (|r'| / T + 3 |r''| V).
 
@@ -21,13 +21,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contourlab.feedrate.limits import AxisLimits
 from contourlab.feedrate.segments import Segments
 
-__all__ = ["acceleration_caps", "speed_caps"]
+__all__ = ["acceleration_caps", "jerk_left", "speed_caps"]
 
-Values = np.ndarray[Any, Any]
+Values = NDArray[Any]
 
 BEND_SHARE = 0.95
 """Share of the acceleration limit that the curvature may take at the capped speed."""
@@ -77,7 +78,7 @@ def acceleration_caps(
     v = speed[:, None]
     apart = _ratio(acceleration - segments.bend * v**2, segments.tangent)
     turning = np.where(np.isfinite(segments.turning), segments.turning, 0.0)
-    left = acceleration**2 - (turning * segments.rate[:, None] * v**2) ** 2
+    left = np.maximum(acceleration**2 - (turning * segments.rate[:, None] * v**2) ** 2, 0.0)
     root = np.sqrt((acceleration * segments.axial) ** 2 + (turning**2 - segments.axial**2) * left)
     below = acceleration * segments.axial + root
     together = np.where(left > 0.0, _ratio(left, below), 0.0)
@@ -88,3 +89,19 @@ def acceleration_caps(
         segments.tangent / window[:, None] + 3.0 * segments.bend * v,
     )
     return np.minimum(by_acceleration, by_jerk).min(axis=1)  # type: ignore[no-any-return]
+
+
+def jerk_left(segments: Segments, limits: AxisLimits, speed: Values) -> Values:
+    """Return the tangential jerk that the axes have left at steady speed, shape (n,) [m/s³].
+
+    Parameters
+    ----------
+    segments
+        Bounds of the geometry.
+    limits
+        Per axis.
+    speed
+        Cap on the speed, shape (n,) [m/s].
+    """
+    left = np.asarray(limits.jerk) - segments.twist * speed[:, None] ** 3
+    return _ratio(left, segments.tangent).min(axis=1)  # type: ignore[no-any-return]

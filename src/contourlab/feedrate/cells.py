@@ -1,19 +1,21 @@
 """Cells of arc length, and the spreading of caps over neighbouring places.
 
 Smoothing in time mixes what happens at neighbouring places, so a cap holds for more than its own
-place. If the planned speed stays below
+place. Let y be the smoothed position at some instant, c the cap at y, x(τ) the planned position
+minus y in the window of T before the instant (its mean is 0), and D the way that x goes in the
+window: the smoothed speed is D / T. If the planned speed at each x is at most
 
-    v'(x) = min over y of max(cap(y), 2 |x - y| / T),
+    max(c, 2 |x| / T),
 
-its moving average over T stays below cap(y) while passing y. (Let y be the average of the planned
-positions in the window, which spans D. Were D > cap(y) T, the window would reach farther than
-cap(y) T / 2 from y on one side, say by q. The motion to there from y takes at least
-T/2 (1 + log(2 q / (cap T))) and has at least the mean of a motion at cap(y) for T/2; what is left
-of the window on the other side of y, less than T/2 and not faster, cannot balance it: the mean
-would not be y.) Likewise the accelerations that enter the average at y are planned within
-cap(y) T of y.
+then D <= c T, and the smoothed speed keeps the cap. For let x run from -p to q. If p and q are at
+most c T / 2, D <= c T. If both are more, the way between takes more than T: there is no such window.
+If q > c T / 2 >= p: from its zero at τ₀ the way to q takes at least T/2 (1 + log(2 q / (c T))), so
+τ₀ < T/2. Up to there the integral of |x| is at most c τ₀² / 2 < c T² / 8, being no faster than c.
+After it the integral is at least that of the fastest motion that ends in q, which is more than
+c T² / 8. The mean would not be 0. The other case is its mirror image.
 
-All of it is done on cells with constant caps, taking for a cell what holds for its worst point.
+The accelerations that are averaged at y are planned within D <= c T of y. Both are done on cells
+with constant caps, taking for a cell what holds for its worst point.
 """
 
 from __future__ import annotations
@@ -22,14 +24,26 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-__all__ = ["Cells", "spread_acceleration", "spread_speed", "subdivide"]
+__all__ = [
+    "Cells",
+    "affected",
+    "limit_rise",
+    "spread_acceleration",
+    "spread_speed",
+    "subdivide",
+    "whole",
+]
 
-Values = np.ndarray[Any, Any]
+Values = NDArray[Any]
 
 _GROWTH = 1.3
 _FINEST = 0.125
-_REACH = 1.0 + 1e-9
+_REACH = 1.0 + 1e-7
+"""Reaches are a little larger, so that what must outlast a window does in spite of rounding."""
+_AFFECTED = 0.98
+"""Segments whose neighbours lower a cap by less than 2 % are not divided."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +60,24 @@ class Cells:
     """First cell of each stretch, and n."""
 
 
-def subdivide(edges: Values, stop: Values, speed: Values, joint_speed: Values, window: Values) -> Cells:
+def whole(edges: Values, stop: Values) -> Cells:
+    """Return one cell for each segment.
+
+    Parameters
+    ----------
+    edges
+        Of the segments, shape (m + 1,) [m].
+    stop
+        Whether the motion stops at an edge, shape (m + 1,); both ends do.
+    """
+    m = len(edges) - 1
+    stretch = np.cumsum(stop[:-1]) - 1
+    return Cells(edges, np.arange(m), stretch, np.append(np.flatnonzero(stop[:-1]), m))
+
+
+def subdivide(
+    edges: Values, stop: Values, speed: Values, joint_speed: Values, window: Values, divide: Values
+) -> Cells:
     """Return cells that are fine, in units of speed times window, where caps meet.
 
     Parameters
@@ -61,13 +92,15 @@ def subdivide(edges: Values, stop: Values, speed: Values, joint_speed: Values, w
         Cap at each edge, shape (m + 1,) [m/s].
     window
         T of each segment, shape (m,) [s].
+    divide
+        Whether each segment is worth it, shape (m,).
     """
     length = np.diff(edges)
     m = len(length)
     beside = np.full(m + 1, np.inf)
     beside[1:-1] = np.minimum(np.minimum(speed[:-1], speed[1:]), joint_speed[1:-1])
-    fine_left = np.where(stop[:-1], np.inf, _FINEST * beside[:-1] * window)
-    fine_right = np.where(stop[1:], np.inf, _FINEST * beside[1:] * window)
+    fine_left = np.where(stop[:-1] | ~divide, np.inf, _FINEST * beside[:-1] * window)
+    fine_right = np.where(stop[1:] | ~divide, np.inf, _FINEST * beside[1:] * window)
     both = np.isfinite(fine_left) & np.isfinite(fine_right)
     reach = np.where(both, 0.5 * length, length)
     added: list[Values] = []
@@ -126,25 +159,49 @@ def spread_speed(
         lows.append(np.minimum(a, np.maximum(left, cells.first[cells.stretch[k]])))
         highs.append(np.maximum(b, k + 1))
         values.append(place_cap)
-    flat = _least_over(np.concatenate(lows), np.concatenate(highs), np.concatenate(values), len(cap))
-    slope = (2.0 * np.diff(cells.edges) / window).tolist()
-    stretch = cells.stretch.tolist()
-    forward = _cone(flat.tolist(), slope, stretch)
-    backward = _cone(flat[::-1].tolist(), slope[::-1], stretch[::-1])[::-1]
-    return np.minimum(np.array(forward), np.array(backward))
+    ranges = (np.concatenate(each) for each in (lows, highs, values))
+    flat = _least_over(*ranges, len(cap))
+    rise = 2.0 * np.diff(cells.edges) / window
+    forward = _cone(flat, rise, cells.first)
+    backward = _cone(flat[::-1], rise[::-1], len(cap) - cells.first[::-1])[::-1]
+    return np.minimum(forward, backward)
 
 
-def _cone(flat: list[float], slope: list[float], stretch: list[int]) -> list[float]:
-    """Limit the rise from cell to cell; the gap to a cell's neighbour's neighbour is its length."""
-    out, least, current = [], np.inf, -1
-    for cap, rise, at in zip(flat, slope, stretch, strict=True):
-        if at != current:
-            least, current = np.inf, at
-        out.append(cap if cap < least else least)
-        least += rise
-        if cap < least:
-            least = cap
-    return out
+def _cone(flat: Values, rise: Values, first: Values) -> Values:
+    """Limit the rise from cell to cell, by the length of the cells in between."""
+    ahead = np.concatenate([[np.inf], flat[:-1]])
+    ahead[first[:-1]] = np.inf
+    apart = rise[:-1].copy()
+    apart[first[1:-1] - 1] = np.inf  # nothing crosses a stop
+    return np.minimum(flat, limit_rise(ahead, apart))
+
+
+def limit_rise(value: Values, gain: Values) -> Values:
+    """Return the largest sequence below another that rises by no more than the gains.
+
+    Parameters
+    ----------
+    value
+        Shape (n,).
+    gain
+        Allowed rise from each to the next, shape (n - 1,).
+    """
+    out = value.copy()
+    last = len(out) - 1
+    too_steep = np.flatnonzero(out[1:] > out[:-1] + gain)
+    if len(too_steep) == 0:
+        return out
+    # lowering one may make the next too steep: follow it until it does not
+    values, gains = out.tolist(), gain.tolist()
+    for k in too_steep.tolist():
+        limit = values[k] + gains[k]
+        while values[k + 1] > limit:
+            k += 1
+            values[k] = limit
+            if k == last:
+                break
+            limit += gains[k]
+    return np.array(values)
 
 
 def spread_acceleration(cells: Cells, cap: Values, speed: Values, window: Values) -> Values:
@@ -189,4 +246,16 @@ def _least_over(low: Values, high: Values, value: Values, n: int) -> Values:
         half = 1 << (k - 1)
         np.minimum(table[k - 1], table[k], out=table[k - 1])
         np.minimum(table[k - 1][half:], table[k][:-half], out=table[k - 1][half:])
-    return table[0]
+    least: Values = table[0]
+    return least
+
+
+def affected(own: Values, spread: Values) -> Values:
+    """Return which cells are lowered noticeably by their neighbours.
+
+    Parameters
+    ----------
+    own, spread
+        Caps before and after spreading, shape (n,).
+    """
+    return spread < _AFFECTED * own  # type: ignore[no-any-return]

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contourlab.contours.base import Contour
 from contourlab.errors import FeedError
@@ -25,7 +26,12 @@ STEP = "the reference starts with a velocity step: its first sample moves alread
 
 
 def constant_rate(
-    contour: Contour, *, rate: float, duration: float, sample_time: float, start: float | None = None
+    contour: Contour,
+    *,
+    rate: float,
+    duration: float,
+    sample_time: float,
+    start: float | None = None,
 ) -> Reference:
     """Return a reference whose contour parameter grows at a constant rate.
 
@@ -122,7 +128,7 @@ def constant_feed(
     )  # fmt: skip
 
 
-def sample_times(duration: Any, sample_time: Any) -> np.ndarray[Any, Any]:
+def sample_times(duration: Any, sample_time: Any) -> NDArray[Any]:
     """Return the sampling instants from 0 up to a duration [s].
 
     Parameters
@@ -143,7 +149,7 @@ def sample_times(duration: Any, sample_time: Any) -> np.ndarray[Any, Any]:
     return dt * np.arange(count + 1)
 
 
-def _ended(moving: np.ndarray[Any, Any], time: np.ndarray[Any, Any]) -> tuple[str, ...]:
+def _ended(moving: NDArray[Any], time: NDArray[Any]) -> tuple[str, ...]:
     if moving.all():
         return ()
     at = time[int(np.argmin(moving))]

@@ -34,9 +34,9 @@ class AxisLimits(Configuration):
         A limit that is not > 0 or not finite; arrays of different lengths.
     """
 
-    velocity: Float[Array, "..."] = real(unit="m/s", above=0.0, ndim=1)
-    acceleration: Float[Array, "..."] = real(unit="m/s^2", above=0.0, ndim=1)
-    jerk: Float[Array, "..."] = real(unit="m/s^3", above=0.0, ndim=1)
+    velocity: Float[Array, "*axes"] = real(unit="m/s", above=0.0, ndim=1)
+    acceleration: Float[Array, "*axes"] = real(unit="m/s^2", above=0.0, ndim=1)
+    jerk: Float[Array, "*axes"] = real(unit="m/s^3", above=0.0, ndim=1)
 
     def check(self) -> None:
         """Raise ConfigurationError unless the arrays that are given per axis agree."""

@@ -1,9 +1,10 @@
 """The fastest planned motion under caps that are constant on cells: ramps of constant acceleration.
 
-A forward and a backward pass over the cells, in squared speeds, then inside each cell up, along and
-down. Last, every peak is cut so low that it lasts at least the window T of the smoothing. Valleys do
-that by themselves: they stand on caps that were spread (:mod:`contourlab.feedrate.cells`). A window
-then never holds accelerations of both signs, and no smoothed |jerk| exceeds |a|max / T.
+A forward and a backward pass over the cells, in squared speeds, then inside each cell up, along
+and down. Last, every peak is cut so low that it lasts at least the window T of the smoothing.
+Valleys do that by themselves: they stand on caps that were spread, and a cap c is spread over c T
+(:mod:`contourlab.feedrate.cells`). A window then never holds accelerations of both signs, and no
+smoothed |jerk| exceeds |a|max / T.
 """
 
 from __future__ import annotations
@@ -12,12 +13,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from contourlab.feedrate.cells import Cells
+from contourlab.feedrate.cells import Cells, limit_rise
 
 __all__ = ["Ramps", "plan_ramps"]
 
-Values = np.ndarray[Any, Any]
+Values = NDArray[Any]
+
+_LASTING = 1.0 + 1e-7
+"""Peaks last a little longer than the window, so that they do in spite of rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +73,8 @@ def plan_ramps(cells: Cells, speed: Values, acceleration: Values, window: Values
     node[cells.first] = 0.0
     node[-1] = 0.0
     gain = 2.0 * acceleration * length
-    node = _pass(node, gain)
-    node = _pass(node[::-1], gain[::-1])[::-1]
+    node = limit_rise(node, gain)
+    node = limit_rise(node[::-1], gain[::-1])[::-1]
     before, after = node[:-1], node[1:]
     top = np.minimum(speed**2, 0.5 * (before + after + gain))
     higher = np.maximum(before, after)
@@ -77,34 +82,21 @@ def plan_ramps(cells: Cells, speed: Values, acceleration: Values, window: Values
     up = np.minimum((top - before) / (2.0 * acceleration), length)
     down = np.minimum((top - after) / (2.0 * acceleration), length - up)
     x = np.stack([cells.edges[:-1], cells.edges[:-1] + up, cells.edges[1:] - down], axis=1)
-    zero = np.zeros_like(up)
     begin = x.reshape(-1)
     end = np.append(begin[1:], cells.edges[-1])
     u = np.stack([before, top, top], axis=1).reshape(-1)
     u_end = np.stack([top, top, after], axis=1).reshape(-1)
-    a = np.stack([np.where(up > 0, acceleration, zero), zero, np.where(down > 0, -acceleration, zero)],
-                 axis=1).reshape(-1)  # fmt: skip
+    rising, falling = np.where(up > 0, acceleration, 0.0), np.where(down > 0, -acceleration, 0.0)
+    a = np.stack([rising, np.zeros_like(up), falling], axis=1).reshape(-1)
     end = np.maximum(end, begin)
     stretch = np.repeat(cells.stretch, 3)
-    _cut_peaks(begin, end, u, u_end, a, window[stretch], stretch)
+    _cut_peaks(begin, end, u, u_end, a, _LASTING * window[stretch], stretch)
     keep = end > begin
     begin, end, u, u_end, a = (values[keep] for values in (begin, end, u, u_end, a))
     v, v_end = np.sqrt(u), np.sqrt(u_end)
     with np.errstate(divide="ignore"):
         duration = 2.0 * (end - begin) / (v + v_end)
     return Ramps(begin, end - begin, v, v_end, a, duration, stretch[keep])
-
-
-def _pass(node: Values, gain: Values) -> Values:
-    """Limit the rise of the squared speed from node to node."""
-    value = float(node[0])
-    out = [value]
-    for cap, rise in zip(node[1:].tolist(), gain.tolist(), strict=True):
-        value += rise
-        if cap < value:
-            value = cap
-        out.append(value)
-    return np.array(out)
 
 
 def _cut_peaks(

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contourlab.contours.base import Contour
 from contourlab.contours.path import Path
@@ -22,7 +23,7 @@ from contourlab.feedrate.arc_length import ArcLength, arc_derivatives, contour_d
 
 __all__ = ["Segments", "joint_angles", "segments_of"]
 
-Values = np.ndarray[Any, Any]
+Values = NDArray[Any]
 
 MARGIN = 1.25
 """Sampled fourth derivatives are enlarged by this."""
@@ -144,9 +145,13 @@ class _Rows:
 
     @staticmethod
     def empty(n: int, n_axes: int) -> _Rows:
-        tables = [np.zeros((n, n_axes)) for _ in range(5)]
-        ends = [np.zeros((n, 2, n_axes)) for _ in range(2)]
-        return _Rows(*tables, np.zeros(n), *ends)
+        def each() -> Values:
+            return np.zeros((n, n_axes))
+
+        def ends() -> Values:
+            return np.zeros((n, 2, n_axes))
+
+        return _Rows(each(), each(), each(), each(), each(), np.zeros(n), ends(), ends())
 
     def finish(self, edges: Values, piece: Values, joint: Values) -> Segments:
         before = np.concatenate([self.first[:1], self.last])

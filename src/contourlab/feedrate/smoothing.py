@@ -2,9 +2,12 @@
 
 The average over a window T of a motion with piecewise constant acceleration a₀ has
 
-    v(t) = (s₀(t) - s₀(t - T)) / T,  a(t) = (v₀(t) - v₀(t - T)) / T,  j(t) = (a₀(t) - a₀(t - T)) / T,
+    v(t) = (s₀(t) - s₀(t - T)) / T
+    a(t) = (v₀(t) - v₀(t - T)) / T
+    j(t) = (a₀(t) - a₀(t - T)) / T,
 
-so that j is constant between instants of {t_k} and {t_k + T}. A stretch takes T longer than planned.
+so that j is constant between instants of {t_k} and {t_k + T}. A stretch takes T longer than
+planned.
 """
 
 from __future__ import annotations
@@ -13,12 +16,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contourlab.feedrate.ramps import Ramps
 
 __all__ = ["Profile", "smooth"]
 
-Values = np.ndarray[Any, Any]
+Values = NDArray[Any]
+
+_SAME = 1e-9
+"""Instants closer than this, in windows, are taken as one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +67,7 @@ class Profile:
         )
 
     def time_at(self, arc: Values) -> Values:
-        """Return the last instant at which each arc length is held, to 1e-15 of the interval.
+        """Return the instant at which each arc length is reached, the last one where it is held.
 
         Parameters
         ----------
@@ -71,17 +78,26 @@ class Profile:
         k = np.clip(np.searchsorted(self.arc, arc, side="right") - 1, 0, len(self.time) - 1)
         low = self.time[k]
         high = np.append(self.time[1:], self.time[-1])[k]
+        guess = low
         for _ in range(60):
-            middle = 0.5 * (low + high)
-            beyond = self.at(middle)[0] > arc
-            high = np.where(beyond, middle, high)
-            low = np.where(beyond, low, middle)
-        return low  # type: ignore[no-any-return]
+            here, speed, _, _ = self.at(guess)
+            beyond = here > arc
+            high = np.where(beyond, np.minimum(high, guess), high)
+            low = np.where(beyond, low, np.maximum(low, guess))
+            with np.errstate(divide="ignore", invalid="ignore"):
+                newton = guess - (here - arc) / speed
+            inside = (newton >= low) & (newton <= high)
+            following = np.where(inside, newton, 0.5 * (low + high))
+            settled = np.abs(following - guess) <= 1e-15 * self.duration
+            guess = following
+            if settled.all():
+                break
+        return guess
 
 
 def smooth(
     ramps: Ramps, window: Values, edges: Values, dwell: Values, dwell_before: float
-) -> tuple[Profile, Values, Values]:
+) -> tuple[Profile, Values]:
     """Return the smoothed motion over all stretches.
 
     Parameters
@@ -101,13 +117,14 @@ def smooth(
     -------
     Profile
         The motion.
-    Values, Values
-        Instants at which each stretch starts and arrives [s].
+    Values
+        Instants at which each stretch arrives [s].
     """
     n = len(window)
     planned = ramps.stretch_times(n)
-    begins = dwell_before + np.concatenate([[0.0], np.cumsum(planned + window + dwell)[:-1]])
-    arrives = begins + planned + window
+    ends = dwell_before + np.cumsum(planned + window + dwell)
+    begins = np.concatenate([[dwell_before], ends[:-1]])
+    arrives = np.where(dwell > 0.0, begins + planned + window, ends)
 
     # every stretch as a table of ramps that ends with a row at rest; times from its own start
     own = np.concatenate([ramps.stretch, np.arange(n)])
@@ -128,11 +145,16 @@ def smooth(
     m = len(own)
     instant = np.concatenate([t0, t0 + window[own]])
     stretch = np.concatenate([own, own])
-    order = np.lexsort((np.arange(2 * m), instant, stretch))
+    order = np.lexsort((instant, stretch))
     instant, stretch = instant[order], stretch[order]
     leading = order < m
     head = np.cumsum(leading) - 1  # row that holds the instant
     tail = np.cumsum(~leading) - 1  # row that holds the instant a window earlier
+    # instants that differ by rounding are one: in between, one change of jerk would lack the other
+    rounding = _SAME * window[stretch[1:]] + 2e-15 * instant[1:]
+    apart = np.append(np.diff(instant) > rounding, True)
+    apart |= np.append(stretch[1:] != stretch[:-1], True)
+    instant, stretch, head, tail = (x[apart] for x in (instant, stretch, head, tail))
     waiting = tail < first[stretch]  # the window reaches before the start
     tail = np.maximum(tail, 0)
     h = np.maximum(instant - t0[head], 0.0)
@@ -148,8 +170,7 @@ def smooth(
     )
     last = np.append(stretch[1:] != stretch[:-1], True)
     starts = np.append(True, last[:-1])
-    rest = last | (speed < 0.0)
-    speed = np.where(rest | starts, 0.0, speed)
+    speed = np.where(last | starts, 0.0, np.maximum(speed, 0.0))
     acceleration = np.where(last | starts, 0.0, acceleration)
     jerk = np.where(last, 0.0, jerk)
 
@@ -159,16 +180,14 @@ def smooth(
     length = np.diff(edges)
     arc = arc * (length / arc[last])[stretch]  # rounding only: the sum is the length
     arc = np.where(last, edges[stretch + 1], np.minimum(edges[stretch] + arc, edges[stretch + 1]))
-    time = begins[stretch] + instant
+    time = np.minimum(begins[stretch] + instant, arrives[stretch])
     time[last] = arrives
-    duration = float(arrives[-1] + dwell[-1])
+    duration = float(ends[-1])
     if dwell_before > 0.0:
         zero = np.zeros(1)
         time, arc = np.concatenate([zero, time]), np.concatenate([edges[:1], arc])
-        speed, acceleration, jerk = (
-            np.concatenate([zero, x]) for x in (speed, acceleration, jerk)
-        )
-    return Profile(time, arc, speed, acceleration, jerk, duration), begins, arrives
+        speed, acceleration, jerk = (np.concatenate([zero, x]) for x in (speed, acceleration, jerk))
+    return Profile(time, arc, speed, acceleration, jerk, duration), arrives
 
 
 def _within(step: Values, group: Values, first: Values, total: Values) -> Values:
@@ -177,12 +196,10 @@ def _within(step: Values, group: Values, first: Values, total: Values) -> Values
         return total
     sizes = np.diff(np.append(first, len(step)))
     if int(sizes.max()) > 4096 or len(first) * int(sizes.max()) > 8 * len(step) + 4096:
-        return np.concatenate(
-            [np.cumsum(part) - part for part in np.split(step, first[1:])]
-        )
+        return np.concatenate([np.cumsum(part) - part for part in np.split(step, first[1:])])
     width = int(sizes.max())
     table = np.zeros((len(first), width))
     column = np.arange(len(step)) - first[group]
     table[group, column] = step
     sums = np.cumsum(table, axis=1) - table
-    return sums[group, column]  # type: ignore[no-any-return]
+    return sums[group, column]

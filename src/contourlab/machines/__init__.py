@@ -1,5 +1,6 @@
 """Machines: what really happens when a command is given."""
 
+from contourlab.machines import published
 from contourlab.machines.base import (
     COMMAND_KINDS,
     BoundDynamics,
@@ -18,6 +19,7 @@ from contourlab.machines.disturbance import (
 )
 from contourlab.machines.drive import Drive
 from contourlab.machines.encoder import Encoder, Measurement, straight_through_round
+from contourlab.machines.examples import ball_screw_stage, linear_motor_stage
 from contourlab.machines.friction import Friction
 from contourlab.machines.machine import BoundMachine, Machine, MachineState
 from contourlab.machines.rigid import RigidAxes
@@ -44,6 +46,9 @@ __all__ = [
     "StepDisturbance",
     "ToolMap",
     "TransferFunctionAxes",
+    "ball_screw_stage",
+    "linear_motor_stage",
+    "published",
     "straight_through_round",
     "total_disturbance",
 ]

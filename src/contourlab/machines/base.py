@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import abc
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 import equinox as eqx
 import jax
@@ -13,7 +14,7 @@ from jaxtyping import Float
 
 from contourlab.configuration import Configuration, real, static
 from contourlab.errors import ConfigurationError
-from contourlab.typing import Array, AxisVector, Matrix, Scalar
+from contourlab.typing import Array, AxisVector, Matrix, Scalar, Vector
 
 if TYPE_CHECKING:
     from contourlab.machines.drive import Drive
@@ -26,11 +27,14 @@ __all__ = [
     "IdentityTool",
     "LinearTool",
     "NominalModel",
+    "PerAxis",
     "ToolMap",
     "per_axis",
 ]
 
 CommandKind = Literal["voltage", "force", "velocity", "position"]
+PerAxis: TypeAlias = Float[Array, "..."] | float | Sequence[float]
+"""One number for every axis, or one per axis; an array once the configuration is made."""
 COMMAND_KINDS: tuple[str, ...] = get_args(CommandKind)
 
 
@@ -73,15 +77,15 @@ class NominalModel(Configuration):
     constant τ is the same equation with M = τ, B = 1, K = 1 and u a velocity.
     """
 
-    mass: Float[Array, " n_axes"] = real(above=0.0)
+    mass: Float[Array, ...] = real(above=0.0)
     """M, in effort per m/s²."""
-    viscous: Float[Array, " n_axes"] = real(minimum=0.0)
+    viscous: Float[Array, ...] = real(minimum=0.0)
     """B, in effort per m/s."""
-    coulomb: Float[Array, " n_axes"] = real(minimum=0.0)
+    coulomb: Float[Array, ...] = real(minimum=0.0)
     """F_c, in effort."""
-    gain: Float[Array, " n_axes"] = real(above=0.0)
+    gain: Float[Array, ...] = real(above=0.0)
     """K, effort per unit of command."""
-    command_limit: Float[Array, " n_axes"] = real(above=0.0, finite=False)
+    command_limit: Float[Array, ...] = real(above=0.0, finite=False)
     """Largest magnitude of the command; infinite if there is none."""
     command: CommandKind = static(allowed=COMMAND_KINDS)
 
@@ -211,7 +215,7 @@ class ToolMap(Configuration):
         """Number of coordinates of the tool point; None if as many as there are axes."""
 
     @abc.abstractmethod
-    def tool_from_axes(self, position: AxisVector) -> AxisVector:
+    def tool_from_axes(self, position: AxisVector) -> Vector:
         """Return the tool point [m].
 
         Parameters
@@ -229,7 +233,7 @@ class IdentityTool(ToolMap):
         """As many as there are axes."""
         return None
 
-    def tool_from_axes(self, position: AxisVector) -> AxisVector:
+    def tool_from_axes(self, position: AxisVector) -> Vector:
         """Return the axis positions themselves [m].
 
         Parameters
@@ -254,7 +258,7 @@ class LinearTool(ToolMap):
         """Rows of the matrix."""
         return int(np.shape(self.matrix)[-2])
 
-    def tool_from_axes(self, position: AxisVector) -> AxisVector:
+    def tool_from_axes(self, position: AxisVector) -> Vector:
         """Return the tool point, shape (n_coordinates,) [m].
 
         Parameters

@@ -1,8 +1,8 @@
 """Disturbances: efforts that act on the axes on a schedule.
 
-A disturbance is an effort in the unit of gain × command (N on a force-driven machine), added to that
-of the drive and held over a control period at its value at the period's start. Several are given as
-a tuple and add up.
+A disturbance is an effort in the unit of gain × command (N on a force-driven machine), added to
+that of the drive and held over a control period at its value at the period's start. Several are
+given as a tuple and add up.
 """
 
 from __future__ import annotations

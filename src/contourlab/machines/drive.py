@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from jaxtyping import Float
 
 from contourlab.configuration import Configuration, is_concrete, real, static
 from contourlab.errors import ConfigurationError
-from contourlab.machines.base import COMMAND_KINDS, CommandKind
-from contourlab.typing import Array, Scalar
+from contourlab.machines.base import COMMAND_KINDS, CommandKind, PerAxis
+from contourlab.typing import Scalar
 
 __all__ = ["Drive"]
 
@@ -25,7 +24,7 @@ class Drive(Configuration):
 
     command: CommandKind = static(allowed=COMMAND_KINDS)
     """Kind of command."""
-    command_limit: Float[Array, ...] = real(above=0.0, finite=False, ndim=1, default=np.inf)
+    command_limit: PerAxis = real(above=0.0, finite=False, ndim=1, default=np.inf)
     """Largest magnitude, per axis or one for all; infinite if there is none [V, N, m/s or m]."""
     computing_delay: float = static(default=0.0)
     """From measuring to acting [s]: any multiple or fraction of the sample time."""

@@ -7,10 +7,9 @@ from typing import Any, Literal
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Float
 
 from contourlab.configuration import Configuration, real, static
-from contourlab.machines.base import per_axis
+from contourlab.machines.base import PerAxis, per_axis
 from contourlab.typing import Array, AxisVector
 
 __all__ = ["BoundEncoder", "Encoder", "Measurement", "straight_through_round"]
@@ -50,9 +49,9 @@ class Encoder(Configuration):
     A single number holds for every axis.
     """
 
-    resolution: Float[Array, ...] = real(unit="m", minimum=0.0, ndim=1, default=0.0)
+    resolution: PerAxis = real(unit="m", minimum=0.0, ndim=1, default=0.0)
     """Distance between counts [m]; 0 for none."""
-    noise: Float[Array, ...] | None = real(unit="m", minimum=0.0, ndim=1, default=None)
+    noise: PerAxis | None = real(unit="m", minimum=0.0, ndim=1, default=None)
     """Standard deviation of the normal noise before rounding [m]; not given: none is drawn."""
     velocity: Literal["difference", "ideal"] = static(
         allowed=("difference", "ideal"), default="difference"

@@ -1,4 +1,4 @@
-"""Functions of the matrix exponential for one scalar mode, safe at zero.
+"""Exponentials of the zero-order hold: for one mode, safe at zero, and for small matrices.
 
 With z = -h B / M, one axis under a constant force moves over a time h by
 
@@ -10,11 +10,15 @@ lose digits near zero (their derivatives even more), so a Taylor polynomial stan
 
 from __future__ import annotations
 
+from typing import Any
+
+import jax
 import jax.numpy as jnp
+import numpy as np
 
 from contourlab.typing import Array
 
-__all__ = ["phi", "phi_2"]
+__all__ = ["LARGEST_NORM", "exponential", "phi", "phi_2"]
 
 _NEAR = 0.05
 _TAYLOR = (1 / 40320, 1 / 5040, 1 / 720, 1 / 120, 1 / 24, 1 / 6, 1 / 2)
@@ -39,6 +43,7 @@ def phi_2(z: Array) -> Array:
     return jnp.where(near, series, ((jnp.exp(large) - 1.0) * inverse - 1.0) * inverse)
 
 
+@jax.jit
 def phi(z: Array) -> tuple[Array, Array, Array]:
     """Return e^z, φ₁(z) and φ₂(z), with right derivatives everywhere, zero included.
 
@@ -49,3 +54,36 @@ def phi(z: Array) -> tuple[Array, Array, Array]:
     """
     second = phi_2(z)
     return jnp.exp(z), 1.0 + z * second, second
+
+
+_SQUARINGS = 12
+LARGEST_NORM = 2000.0
+"""Of a matrix for :func:`exponential`: halved twelve times it is below 1/2."""
+_ORDER = 14
+"""Of the Taylor polynomial: the next term is 0.5^15 / 15! = 2e-17."""
+
+
+def exponential(matrix: Array) -> Array:
+    """Return the matrix exponential, by a fixed number of halvings and squarings.
+
+    Not ``jax.scipy.linalg.expm``, which computes every one of its branches in a batch and takes
+    seconds to compile. What is squared is e^X - I, so that the many halvings cost no digits when
+    the matrix is small: (I + Y)² - I = 2 Y + Y².
+
+    Parameters
+    ----------
+    matrix
+        Shape (..., n, n), of norm at most ``LARGEST_NORM``.
+    """
+    scaled = jnp.asarray(matrix) * 0.5**_SQUARINGS
+    identity = jnp.eye(scaled.shape[-1])
+
+    def horner(inner: jax.Array, order: Any) -> tuple[jax.Array, None]:
+        return identity + scaled @ inner / order, None
+
+    def square(y: jax.Array, _: None) -> tuple[jax.Array, None]:
+        return 2.0 * y + y @ y, None
+
+    orders = np.arange(_ORDER, 1, -1, dtype=float)
+    first = scaled @ jax.lax.scan(horner, jnp.broadcast_to(identity, scaled.shape), orders)[0]
+    return identity + jax.lax.scan(square, first, None, length=_SQUARINGS)[0]

@@ -3,10 +3,10 @@
     F(v) = (F_c + (F_s - F_c) exp(-(v / v_s)²)) tanh(v / v_0)
 
 F_c is the Coulomb level (backwards it may be another), F_s the breakaway level, v_s the Stribeck
-velocity. The jump of sign(v) is replaced by tanh(v / v_0): an axis that should stick creeps instead,
-at v = v_0 atanh(f / F_s) for a force f below breakaway, which is 0.55 v_0 at half the level.
-Presliding and its hysteresis are not modelled. The largest force comes close to F_s when v_0 is well
-below v_s. Viscous friction belongs to the axis.
+velocity. The jump of sign(v) is replaced by tanh(v / v_0): an axis that should stick creeps
+instead, at v = v_0 atanh(f / F_s) for a force f below breakaway, which is 0.55 v_0 at half the
+level. Presliding and its hysteresis are not modelled. The largest force comes close to F_s when v_0
+is well below v_s. Viscous friction belongs to the axis.
 """
 
 from __future__ import annotations
@@ -16,12 +16,11 @@ import dataclasses
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
 
 from contourlab.configuration import Configuration, real
 from contourlab.errors import ConfigurationError
-from contourlab.machines.base import per_axis
-from contourlab.typing import Array, AxisVector
+from contourlab.machines.base import PerAxis, per_axis
+from contourlab.typing import AxisVector
 
 __all__ = ["BoundFriction", "Friction"]
 
@@ -32,15 +31,15 @@ class Friction(Configuration):
     A single number holds for every axis.
     """
 
-    coulomb: Float[Array, ...] = real(minimum=0.0, ndim=1)
+    coulomb: PerAxis = real(minimum=0.0, ndim=1)
     """F_c, sliding friction at speed [effort]."""
-    breakaway: Float[Array, ...] | None = real(minimum=0.0, ndim=1, default=None)
+    breakaway: PerAxis | None = real(minimum=0.0, ndim=1, default=None)
     """F_s, at the start of sliding [effort]; as large as ``coulomb`` if not given."""
-    stribeck_velocity: Float[Array, ...] = real(unit="m/s", above=0.0, ndim=1, default=1e-2)
+    stribeck_velocity: PerAxis = real(unit="m/s", above=0.0, ndim=1, default=1e-2)
     """v_s, at which the excess over Coulomb has fallen to 1/e [m/s]."""
-    smoothing_velocity: Float[Array, ...] = real(unit="m/s", above=0.0, ndim=1, default=1e-4)
+    smoothing_velocity: PerAxis = real(unit="m/s", above=0.0, ndim=1, default=1e-4)
     """v_0, over which the sign is smoothed [m/s]."""
-    coulomb_backward: Float[Array, ...] | None = real(minimum=0.0, ndim=1, default=None)
+    coulomb_backward: PerAxis | None = real(minimum=0.0, ndim=1, default=None)
     """F_c at negative velocity [effort]; as forwards if not given."""
 
     def check(self) -> None:

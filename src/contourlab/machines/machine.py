@@ -7,7 +7,8 @@ not change in the loop; the loop calls ``measure`` and ``advance`` of the bound 
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, TypeAlias
 
 import equinox as eqx
 import jax
@@ -32,6 +33,8 @@ from contourlab.machines.encoder import BoundEncoder, Encoder, Measurement
 from contourlab.typing import Array, AxisVector, Scalar, Vector
 
 __all__ = ["BoundMachine", "Machine", "MachineState"]
+
+Ends: TypeAlias = Float[Array, "... 2"] | Sequence[float] | Sequence[Sequence[float]]
 
 
 class MachineState(eqx.Module):
@@ -60,7 +63,7 @@ class Machine(Configuration):
     """What is measured."""
     tool: ToolMap = part(default=IdentityTool())
     """From axes to tool point."""
-    travel: Float[Array, "... 2"] = real(unit="m", finite=False, default=(-np.inf, np.inf))
+    travel: Ends = real(unit="m", finite=False, default=(-np.inf, np.inf))
     """Lower and upper end of each axis, shape (n_axes, 2), or (2,) for all [m]."""
     limits: AxisLimits | None = part(default=None)
     """What planning may ask of the axes; nothing is known if not given."""
@@ -306,12 +309,8 @@ class BoundMachine(eqx.Module):
             Effort on each axis over [t_k, t_k+1), in the unit of gain × command, shape (n_axes,).
         """
         clipped = self._clip(command)
-        waiting = state.waiting
-        if self.n_waiting:
-            queue = jnp.concatenate([waiting, clipped[None]])
-            acting, waiting = tuple(queue[i] for i in range(self.n_parts)), queue[1:]
-        else:
-            acting = (clipped,)
+        queue = jnp.concatenate([state.waiting, clipped[None]])
+        acting = tuple(queue[part] for part in range(self.n_parts))
         axes = self.dynamics.advance(state.axes, acting, disturbance)
         key, now = (None, None) if state.key is None else _next(state.key)
         position = self.sensor.position(self.dynamics.position(axes), now)
@@ -319,7 +318,7 @@ class BoundMachine(eqx.Module):
             velocity = self.dynamics.velocity(axes)
         else:
             velocity = (position - state.measurement.position) * self.sample_rate
-        return MachineState(axes, waiting, Measurement(position, velocity), key)
+        return MachineState(axes, queue[1:], Measurement(position, velocity), key)
 
     def measure(self, state: MachineState) -> Measurement:
         """Return what the sensors say at this instant.
@@ -371,7 +370,7 @@ def _words(key: Any) -> Array:
         key = jax.random.key(int(key))
     if jnp.issubdtype(jnp.asarray(key).dtype, jax.dtypes.prng_key):
         return jax.random.bits(key, (2,), jnp.uint32)
-    key = jnp.asarray(key)
+    key = jnp.asarray(key)  # raw words, or a seed
     if key.ndim == 0:  # a seed that varies over a batch
         return jax.random.bits(jax.random.key(key), (2,), jnp.uint32)
     return jax.random.bits(jax.random.wrap_key_data(key), (2,), jnp.uint32)
@@ -379,5 +378,5 @@ def _words(key: Any) -> Array:
 
 def _next(words: Array) -> tuple[Array, Any]:
     """The words of the next instant, and the key of this one."""
-    following, now = jax.random.split(jax.random.wrap_key_data(words))
+    following, now = jax.random.split(jax.random.wrap_key_data(jnp.asarray(words)))
     return jax.random.key_data(following), now

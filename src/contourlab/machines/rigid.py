@@ -24,7 +24,7 @@ import numpy as np
 from jaxtyping import Float
 
 from contourlab.configuration import part, real
-from contourlab.machines.base import BoundDynamics, Dynamics, NominalModel, per_axis
+from contourlab.machines.base import BoundDynamics, Dynamics, NominalModel, PerAxis, per_axis
 from contourlab.machines.drive import Drive
 from contourlab.machines.exponential import phi, phi_2
 from contourlab.machines.friction import BoundFriction, Friction
@@ -45,15 +45,15 @@ class RigidState(eqx.Module):
 class RigidAxes(Dynamics):
     """Independent masses with viscous and, if given, dry friction.
 
-    A single number holds for every axis. *Effort* is whatever unit the equation is written in: N for
-    a force, V if the paper divides by the motor constant.
+    A single number holds for every axis. *Effort* is whatever unit the equation is written in: N
+    for a force, V if the paper divides by the motor constant.
     """
 
-    mass: Float[Array, ...] = real(above=0.0, ndim=1)
+    mass: PerAxis = real(above=0.0, ndim=1)
     """M [effort per m/s²]."""
-    viscous: Float[Array, ...] = real(minimum=0.0, ndim=1, default=0.0)
+    viscous: PerAxis = real(minimum=0.0, ndim=1, default=0.0)
     """B [effort per m/s]."""
-    gain: Float[Array, ...] = real(above=0.0, ndim=1, default=1.0)
+    gain: PerAxis = real(above=0.0, ndim=1, default=1.0)
     """K [effort per unit of command]."""
     friction: Friction | None = part(default=None)
     """Dry friction; none if not given, and then substeps do not matter."""

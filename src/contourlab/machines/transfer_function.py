@@ -24,8 +24,9 @@ from jaxtyping import Float
 
 from contourlab.configuration import check_real, is_concrete
 from contourlab.errors import ConfigurationError
-from contourlab.machines.base import BoundDynamics, Dynamics, NominalModel, per_axis
+from contourlab.machines.base import BoundDynamics, Dynamics, NominalModel, PerAxis, per_axis
 from contourlab.machines.drive import Drive
+from contourlab.machines.exponential import LARGEST_NORM, exponential
 from contourlab.typing import Array, AxisVector, Scalar
 
 __all__ = ["BoundTransferFunctionAxes", "TransferFunctionAxes", "TransferFunctionState"]
@@ -55,9 +56,9 @@ class TransferFunctionAxes(Dynamics):
     Coefficients in descending powers of s, as in SciPy; the axes may differ in order.
     """
 
-    numerators: tuple[Float[Array, ...], ...] = eqx.field(converter=_polynomials, kw_only=True)
+    numerators: tuple[PerAxis, ...] = eqx.field(converter=_polynomials, kw_only=True)
     """Per axis, in m per unit of command."""
-    denominators: tuple[Float[Array, ...], ...] = eqx.field(converter=_polynomials, kw_only=True)
+    denominators: tuple[PerAxis, ...] = eqx.field(converter=_polynomials, kw_only=True)
     """Per axis; a last coefficient of zero is an integrator."""
 
     def check(self) -> None:
@@ -96,7 +97,8 @@ class TransferFunctionAxes(Dynamics):
         """
         if len(self.numerators) != n_axes:
             raise ConfigurationError(
-                f"numerators must have one polynomial per axis, {n_axes}, got {len(self.numerators)}"
+                f"numerators must have one polynomial per axis, {n_axes}, "
+                f"got {len(self.numerators)}"
             )
 
     def bind(
@@ -114,21 +116,14 @@ class TransferFunctionAxes(Dynamics):
             Not needed: the solution is exact.
         """
         del substeps
-        order = max(int(np.shape(bottom)[-1]) for bottom in self.denominators) - 1
-        realised = [
-            _realise(jnp.asarray(top), jnp.asarray(bottom), order)
-            for top, bottom in zip(self.numerators, self.denominators, strict=True)
-        ]
-        a, b, c = (jnp.stack(matrices) for matrices in zip(*realised, strict=True))
-        driven = jnp.concatenate([a, b[..., None]], -1)
-        block = jnp.concatenate([driven, jnp.zeros((n_axes, 1, order + 1))], -2)
-        held = jnp.stack([jax.scipy.linalg.expm(block * h) for h in durations])
-        border = jnp.concatenate([c, jnp.zeros((n_axes, 1))], -1)[:, None]
-        rest = jnp.linalg.inv(jnp.concatenate([driven, border], -2))
-        return BoundTransferFunctionAxes(
-            held[..., :order, :order], held[..., :order, order], c,
-            jnp.einsum("ai,aij->aj", c, a), jnp.sum(c * b, -1), rest,
-        )  # fmt: skip
+        bound: BoundTransferFunctionAxes
+        bound, norm = _discretise(self.numerators, self.denominators, durations)
+        if is_concrete(norm) and not norm <= LARGEST_NORM:
+            raise ConfigurationError(
+                f"a pole is too fast for the sample time: pole times sample time must be <= "
+                f"{LARGEST_NORM:g}, got {float(norm):g}; leave such a pole out of the model"
+            )
+        return bound
 
     def nominal(self, n_axes: int, drive: Drive) -> NominalModel:
         """Return the model K / (s (T s + 1)) with the same first two terms at low frequency.
@@ -147,7 +142,7 @@ class TransferFunctionAxes(Dynamics):
         """
         gains, lags = [], []
         for axis, (top, bottom) in enumerate(zip(self.numerators, self.denominators, strict=True)):
-            a, b = bottom[..., ::-1], top[..., ::-1]  # ascending powers
+            a, b = jnp.asarray(bottom)[..., ::-1], jnp.asarray(top)[..., ::-1]  # ascending
             why = ""
             if np.shape(a)[-1] < 3:
                 why = "it is of first order"
@@ -191,8 +186,10 @@ class BoundTransferFunctionAxes(BoundDynamics):
     """C A [1/s]."""
     feed: AxisVector
     """C B: not zero for relative degree one."""
-    rest: Float[Array, "n_axes order_plus_one order_plus_one"]
-    """Inverse of [[A, B], [C, 0]]."""
+    still: Float[Array, "n_axes 6"]
+    """Per axis c₁, c₂, ã₀ and ã₁ (of p⁰ and p¹ in the scaled denominator), ω, size of the input."""
+    orders: tuple[int, ...] = eqx.field(static=True)
+    """Order of each axis before it was padded."""
 
     def steady(
         self, position: AxisVector, velocity: AxisVector
@@ -200,7 +197,7 @@ class BoundTransferFunctionAxes(BoundDynamics):
         """Return the state in steady motion and the command that keeps it.
 
         Steady motion is x(t) = x₀ + w t under u(t) = u₀ + r t: A w + B r = 0 and C w = v, then
-        A x₀ + B u₀ = w and C x₀ = q.
+        A x₀ + B u₀ = w and C x₀ = q. In the canonical form only two states differ from zero.
 
         Parameters
         ----------
@@ -209,13 +206,14 @@ class BoundTransferFunctionAxes(BoundDynamics):
         velocity
             Shape (n_axes,) [m/s].
         """
-        zero = jnp.zeros_like(self.output)
-        w = self._solve(jnp.concatenate([zero, velocity[:, None]], -1))[:, :-1]
-        x = self._solve(jnp.concatenate([w, position[:, None]], -1))
-        return TransferFunctionState(x[:, :-1], x[:, -1]), x[:, -1]
-
-    def _solve(self, right: Array) -> Array:
-        return jnp.sum(self.rest * right[:, None, :], -1)
+        c_1, c_2, a_0, a_1, omega, size = self.still.T
+        second = velocity / (c_1 * omega)
+        first = (position - c_2 * second) / c_1
+        modes = jnp.zeros_like(self.output).at[:, 0].set(first)
+        if self.output.shape[-1] > 1:
+            modes = modes.at[:, 1].set(jnp.where(np.asarray(self.orders) > 1, second, 0.0))
+        command = (a_0 * first + a_1 * second) / size
+        return TransferFunctionState(modes, command), command
 
     def advance(
         self,
@@ -263,15 +261,37 @@ class BoundTransferFunctionAxes(BoundDynamics):
         return jnp.sum(self.rate * state.modes, -1) + self.feed * state.drive
 
 
-def _realise(top: Array, bottom: Array, order: int) -> tuple[Array, Array, Array]:
-    """Return A, B, C of one axis in scaled controllable canonical form, padded to an order."""
+@jax.jit
+def _discretise(
+    numerators: Any, denominators: Any, durations: tuple[Scalar, ...]
+) -> tuple[BoundTransferFunctionAxes, Array]:
+    """Return the bound axes, and the norm of A h for the check."""
+    orders = tuple(len(bottom) - 1 for bottom in denominators)
+    order = max(orders)
+    realised = [
+        _realise(jnp.asarray(top), jnp.asarray(bottom), order)
+        for top, bottom in zip(numerators, denominators, strict=True)
+    ]
+    a, b, c, still = (jnp.stack(matrices) for matrices in zip(*realised, strict=True))
+    driven = jnp.concatenate([a, b[..., None]], -1)
+    block = jnp.concatenate([driven, jnp.zeros_like(driven[:, :1])], -2)
+    held = exponential(jnp.stack([block * h for h in durations]))
+    bound = BoundTransferFunctionAxes(
+        held[..., :order, :order], held[..., :order, order], c,
+        jnp.sum(c[..., None] * a, -2), jnp.sum(c * b, -1), still, orders,
+    )  # fmt: skip
+    longest = jnp.max(jnp.stack([jnp.asarray(h) for h in durations]))
+    return bound, longest * jnp.max(jnp.sum(jnp.abs(a), -1))
+
+
+def _realise(top: Array, bottom: Array, order: int) -> tuple[Array, Array, Array, Array]:
+    """Return A, B, C of one axis in scaled canonical form, padded, and what steady motion needs."""
     n = int(bottom.shape[-1]) - 1
     powers = np.arange(1, n + 1)
     a = bottom[1:] / bottom[0]
     b = jnp.concatenate([jnp.zeros(n - top.shape[-1]), top]) / bottom[0]
     # the scales cancel out of the transfer function, so no derivative goes through them
-    sizes = jnp.abs(jax.lax.stop_gradient(a)) ** (1.0 / powers)
-    omega = jnp.max(sizes)
+    omega = jnp.max(jnp.abs(jax.lax.stop_gradient(a)) ** (1.0 / powers))
     omega = jnp.where(omega > 0.0, omega, 1.0)
     a, b = a / omega**powers, b / omega**powers
     size = jnp.max(jnp.abs(jax.lax.stop_gradient(b)))
@@ -280,4 +300,7 @@ def _realise(top: Array, bottom: Array, order: int) -> tuple[Array, Array, Array
     matrix = matrix.at[np.arange(n, order), np.arange(n, order)].set(-1.0)
     drive = jnp.zeros(order).at[n - 1].set(size)
     output = jnp.zeros(order).at[:n].set(b[::-1] / size)
-    return omega * matrix, omega * drive, output
+    c_2 = output[1] if n > 1 else jnp.zeros(())
+    a_1 = a[-2] if n > 1 else jnp.ones(())
+    still = jnp.stack([output[0], c_2, a[-1], a_1, omega, size])
+    return omega * matrix, omega * drive, output, still

@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 from contourlab.errors import RecordingError
@@ -23,7 +24,7 @@ __all__ = [
     "radial_deviations",
 ]
 
-Points = np.ndarray[Any, Any]
+Points = NDArray[Any]
 
 
 class CircularDeviation(NamedTuple):

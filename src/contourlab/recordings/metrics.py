@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contourlab.errors import RecordingError
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["METRICS", "Metric", "MetricValue", "evaluate_metric"]
 
 MetricValue: TypeAlias = float | list[float]
-Values: TypeAlias = dict[str, np.ndarray[Any, Any]]
+Values: TypeAlias = dict[str, NDArray[Any]]
 
 
 @dataclass(frozen=True)
@@ -34,20 +35,20 @@ class Metric:
     better: str = "lower"
 
 
-def _rms(x: np.ndarray[Any, Any]) -> float:
+def _rms(x: NDArray[Any]) -> float:
     return float(np.sqrt(np.mean(np.square(x))))
 
 
-def _norm(x: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+def _norm(x: NDArray[Any]) -> NDArray[Any]:
     return np.linalg.norm(x, axis=1)  # type: ignore[no-any-return]
 
 
-def _estimate_error(v: Values) -> np.ndarray[Any, Any]:
+def _estimate_error(v: Values) -> NDArray[Any]:
     # how far the estimated vector is from the exact one
     return _norm(v["contour_error_estimate"] - v["contour_error_vector"])
 
 
-def _saturated(v: Values) -> np.ndarray[Any, Any]:
+def _saturated(v: Values) -> NDArray[Any]:
     return np.any(np.abs(v["command"]) >= v["command_limit"] * (1.0 - 1e-12), axis=1)  # type: ignore[no-any-return]
 
 
@@ -107,7 +108,7 @@ METRICS: dict[str, Metric] = {
 """Metrics by name."""
 
 
-def _step(time: np.ndarray[Any, Any]) -> float:
+def _step(time: NDArray[Any]) -> float:
     return float(time[1] - time[0]) if len(time) > 1 else 0.0
 
 

@@ -142,7 +142,7 @@ class Reference(Configuration):
 
     def rest_point(self) -> ReferencePoint:
         """Return the last point, at rest: what follows the end of the record."""
-        last: ReferencePoint = jax.tree.map(lambda x: np.asarray(x)[-1], self.points)
+        last: ReferencePoint = jax.tree.map(lambda x: np.asarray(np.asarray(x)[-1]), self.points)
         zero = np.zeros(self.n_axes)
         return ReferencePoint(
             last.parameter, np.zeros(()), np.zeros(()), last.position, zero, zero, zero

@@ -34,8 +34,11 @@ __all__ = ["Drawing", "Run", "Stops", "contour_points", "make_drawing"]
 PATH_POINTS = 20_000
 LARGEST_DEVIATION = 1.0 / 15.0
 """Share of the part that the largest deviation takes by default."""
-DIVERGED_SHOWN = 3.0
-"""A diverged run is shown until its error is this many times the largest of the others."""
+FAR_WORSE = 10.0
+"""A run with more than this many times the largest error of the best leaves the picture, which
+would otherwise show nothing of the others."""
+DIVERGED_SHOWN = 2.0
+"""A diverged run is shown until its error is this many times the largest in the picture."""
 LINE_TEXT = 90
 
 
@@ -64,6 +67,16 @@ class Run:
     def diverged(self) -> bool:
         """Whether the run was stopped because it diverged."""
         return self.recording.diverged
+
+    @property
+    def status(self) -> str:
+        """``normal``, or in a few words what went wrong."""
+        return self.recording.status
+
+    @property
+    def largest(self) -> float:
+        """Largest contour error in the picture [m]."""
+        return float(np.max(np.nan_to_num(np.abs(self.error))))
 
     def drawn(self, factor: float) -> Float[np.ndarray, "n n_coordinates"]:
         """Return the actual path with its deviation magnified [m].
@@ -110,6 +123,18 @@ class Drawing:
     def good(self) -> tuple[Run, ...]:
         """The runs that did not diverge."""
         return tuple(run for run in self.runs if not run.diverged)
+
+    @property
+    def framed(self) -> tuple[Run, ...]:
+        """The runs that decide how large the picture is: none far worse than the best."""
+        good = self.good or self.runs
+        least = min(run.largest for run in good)
+        return tuple(run for run in self.runs if run.diverged or run.largest <= FAR_WORSE * least)
+
+    @property
+    def worst_first(self) -> tuple[Run, ...]:
+        """The runs in the order of drawing, so that the best is on top."""
+        return tuple(sorted(self.runs, key=lambda run: (not run.diverged, -run.largest)))
 
     @property
     def shown(self) -> int:
@@ -282,8 +307,9 @@ def _reach(comparison: Comparison, extent: float) -> float:
         for recording in comparison.recordings.values()
         if not recording.diverged
     ]
-    finite = [value for value in largest if math.isfinite(value)]
-    return DIVERGED_SHOWN * max(finite) if finite and max(finite) > 0.0 else extent / 5.0
+    finite = [value for value in largest if math.isfinite(value) and value > 0.0]
+    framed = [value for value in finite if value <= FAR_WORSE * min(finite)]
+    return DIVERGED_SHOWN * max(framed) if framed else extent / 5.0
 
 
 def _run(
@@ -322,9 +348,12 @@ def _stops(comparison: Comparison, distance: Callable[[Any], Any]) -> Stops:
 
 
 def _default_factor(runs: tuple[Run, ...], extent: float) -> float:
-    """Return 1, 2 or 5 times a power of ten that makes the largest deviation plain to see."""
-    shown = [run for run in runs if not run.diverged] or list(runs)
-    largest = max(float(np.max(np.nan_to_num(np.abs(run.error)))) for run in shown)
+    """Return 1, 2 or 5 times a power of ten that makes the largest deviation plain to see.
+
+    Runs far worse than the best do not count.
+    """
+    sizes = [run.largest for run in runs if not run.diverged] or [run.largest for run in runs]
+    largest = max(size for size in sizes if size <= FAR_WORSE * min(sizes))
     if largest <= 0.0:
         return 1.0
     wanted = LARGEST_DEVIATION * extent / largest

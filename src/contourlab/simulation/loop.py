@@ -17,6 +17,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import NDArray
 
 from contourlab.contours.base import Contour
 from contourlab.controllers.base import BoundController, Needs
@@ -141,6 +142,7 @@ def first_carry(
     needs
         Of the law.
     """
+    rows = jax.tree.map(jnp.asarray, rows)
     state = machine.init(rows.points.position[0], key)
     zero = jnp.zeros((), jnp.int32)
     sample = _sample(machine, state, rows, zero, jnp.zeros(()), needs.preview)
@@ -182,6 +184,7 @@ def run_chunk(
         Whether a diverged run keeps its last state (needed for lanes of ``vmap``); static.
     """
     n_axes = rows.points.position.shape[-1]
+    rows = jax.tree.map(jnp.asarray, rows)
 
     def step(carry: Carry, at: Array) -> tuple[Carry, dict[str, Any]]:
         time = carry.step * sample_time
@@ -213,7 +216,7 @@ def run_chunk(
     return jax.lax.scan(step, carry, jnp.arange(n_steps, dtype=jnp.int32))
 
 
-def outputs_of(out: Mapping[str, Any]) -> dict[str, np.ndarray[Any, Any]]:
+def outputs_of(out: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
     """Return a chunk's outputs as NumPy arrays, telemetry under ``telemetry.name``.
 
     Parameters

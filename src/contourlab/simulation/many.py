@@ -14,10 +14,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import NDArray
 
 from contourlab.configuration import replace_at, resolve
 from contourlab.contours.base import Contour
-from contourlab.contours.foot_point import local_foot
+from contourlab.contours.foot_points import cells_of, local_foot
 from contourlab.controllers.base import Controller, Needs
 from contourlab.errors import RecordingError, SimulationError, choices
 from contourlab.machines import Disturbance, Machine
@@ -140,15 +141,17 @@ def simulate_many(
     if lanes * size > 2**22:
         size = 256
     reach = loop_reach(reference)
+    # static, since the number of commands that wait in a drive's delay depends on it
+    sample_time = float(np.asarray(reference.sample_time))
     carry: Any = None
     kept: list[dict[str, Any]] = []
     chunks = split(reference, size, needs.preview)
     for number, points in enumerate(chunks):
         if carry is None:
-            carry = _first(batched, reference.contour, points, keys, reference.sample_time,
+            carry = _first(batched, reference.contour, points, keys, sample_time,
                            in_axes=in_axes, needs=needs, wanted=wanted)  # fmt: skip
         carry, out = _chunk(
-            batched, reference.contour, carry, points, reference.sample_time, reach,
+            batched, reference.contour, carry, points, sample_time, reach,
             np.int32(n), in_axes=in_axes, needs=needs, n_steps=size, wanted=wanted,
             record=tuple(record),
         )  # fmt: skip
@@ -161,7 +164,7 @@ def simulate_many(
     return _dataset(machine, reference, values, carry, wanted, kept, n)
 
 
-def _lanes(vary: Mapping[str, Any]) -> tuple[int, dict[str, np.ndarray[Any, Any]]]:
+def _lanes(vary: Mapping[str, Any]) -> tuple[int, dict[str, NDArray[Any]]]:
     values = {path: np.asarray(value) for path, value in vary.items()}
     if not values:
         raise SimulationError("vary names nothing to vary")
@@ -177,7 +180,7 @@ def _lanes(vary: Mapping[str, Any]) -> tuple[int, dict[str, np.ndarray[Any, Any]
     return next(iter(lengths.values())), values
 
 
-def _like(loop: Any, path: str, value: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+def _like(loop: Any, path: str, value: NDArray[Any]) -> NDArray[Any]:
     """Return lane values broadcast to the shape of the field that they replace."""
     field = loop
     for name in path.split("."):
@@ -188,6 +191,8 @@ def _like(loop: Any, path: str, value: np.ndarray[Any, Any]) -> np.ndarray[Any, 
     if not isinstance(field, jax.Array | np.ndarray):
         raise SimulationError(f"vary: {path} is not a number that can be varied in a batch")
     value = value.astype(float)
+    if np.ndim(field) == 0:
+        return value  # one number for all axes may become one per axis
     shape = (len(value), *np.shape(field))
     while value.ndim < len(shape):
         value = value[..., None]
@@ -245,9 +250,9 @@ def _has_estimate(law: Any, reference: Reference, needs: Needs) -> bool:
     return "contour_error_estimate" in jax.eval_shape(shape)
 
 
-@functools.partial(jax.jit, static_argnames=("in_axes", "needs", "wanted"))
+@functools.partial(jax.jit, static_argnames=("sample_time", "in_axes", "needs", "wanted"))
 def _first(
-    loop: Any, contour: Contour, points: ReferencePoint, keys: Array, sample_time: Any, *,
+    loop: Any, contour: Contour, points: ReferencePoint, keys: Array, sample_time: float, *,
     in_axes: _Hashable, needs: Needs, wanted: tuple[str, ...],
 ) -> tuple[Carry, _Sums]:  # fmt: skip
     geometry = geometry_rows(contour, points.parameter[:1], needs.derivatives)
@@ -268,14 +273,17 @@ def _first(
 
 
 @functools.partial(
-    jax.jit, static_argnames=("in_axes", "needs", "n_steps", "wanted", "record"), donate_argnums=(2,)
+    jax.jit,
+    static_argnames=("sample_time", "in_axes", "needs", "n_steps", "wanted", "record"),
+    donate_argnums=(2,),
 )
 def _chunk(
-    loop: Any, contour: Contour, carry: Any, points: ReferencePoint, sample_time: Any, reach: Any,
+    loop: Any, contour: Contour, carry: Any, points: ReferencePoint, sample_time: float, reach: Any,
     n_samples: Any, *, in_axes: _Hashable, needs: Needs, n_steps: int, wanted: tuple[str, ...],
     record: tuple[str, ...],
 ) -> tuple[Any, dict[str, Array]]:  # fmt: skip
     geometry = geometry_rows(contour, points.parameter[:n_steps], needs.derivatives)
+    cells = cells_of(contour)
     here = jax.tree.map(lambda x: x[:n_steps], points)
 
     def lane(loop: Any, carry: tuple[Carry, _Sums]) -> Any:
@@ -297,9 +305,9 @@ def _chunk(
             start = jax.vmap(machine.tool.tool_from_axes)(here.position)
             tool = jnp.where(valid[:, None], tool, start)
             signals["contour_error_vector"] = jax.vmap(
-                lambda point, near: local_foot(contour, point, near).vector
+                lambda point, near: local_foot(cells, point, near).vector
             )(tool, here.parameter)
-        limit = jnp.asarray(machine.drive.command_limit)
+        limit = machine.command_limit
         sums = _reduce(sums, signals, valid, limit, wanted)
         return (after, sums), {name: signals[name] for name in record}
 
@@ -390,7 +398,7 @@ def _dataset(
 
 def _axes_lost(
     machine: Machine, state: Carry, reference: Reference, step: Any, diverged: Any
-) -> np.ndarray[Any, Any]:
+) -> NDArray[Any]:
     bound = machine.bind(reference.sample_time)
     position = np.asarray(jax.vmap(bound.true_position)(state.machine))
     wanted = np.asarray(reference.position)[np.clip(step, 0, reference.n_samples - 1)]

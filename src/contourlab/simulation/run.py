@@ -9,10 +9,11 @@ from typing import Any
 
 import jax
 import numpy as np
+from numpy.typing import NDArray
 
 import contourlab
 from contourlab.contours.base import Contour
-from contourlab.contours.foot_point import foot_point
+from contourlab.contours.foot_points import foot_point
 from contourlab.controllers.base import BoundController, Controller, Needs
 from contourlab.errors import RefusedError, SimulationError, TravelError
 from contourlab.machines import BoundMachine, Disturbance, Machine
@@ -91,7 +92,7 @@ def simulate(
     reach = loop_reach(reference)
     key = jax.random.key(seed)
     carry: Carry | None = None
-    parts: list[dict[str, np.ndarray[Any, Any]]] = []
+    parts: list[dict[str, NDArray[Any]]] = []
     for number, points in enumerate(split(reference, size, needs.preview)):
         if carry is None:
             carry = _start(bound_machine, law, reference.contour, points, key, needs)
@@ -173,7 +174,7 @@ def check_travel(machine: Machine, reference: Reference) -> None:
         What is asked of the axes.
     """
     position = np.asarray(reference.position)
-    travel = np.asarray(machine.travel)
+    travel = np.broadcast_to(np.asarray(machine.travel), (machine.n_axes, 2))
     excess = np.maximum(position - travel[:, 1], travel[:, 0] - position)
     if not (excess > 1e-12).any():
         return
@@ -190,7 +191,7 @@ def check_travel(machine: Machine, reference: Reference) -> None:
     )
 
 
-def loop_reach(reference: Reference) -> np.ndarray[Any, Any]:
+def loop_reach(reference: Reference) -> NDArray[Any]:
     """Return the distance from its reference at which a run counts as diverged [m].
 
     Parameters
@@ -225,7 +226,7 @@ def _advance(
 
 def _recording(
     machine: Machine, controller: Controller, law: BoundController,
-    reference: Reference, values: dict[str, np.ndarray[Any, Any]],
+    reference: Reference, values: dict[str, NDArray[Any]],
     disturbances: tuple[Disturbance, ...], seed: int, name: str, diverged: int, axis: int,
 ) -> Recording:  # fmt: skip
     import xarray as xr

@@ -55,6 +55,7 @@ def test_comments(line: str, kept: str) -> None:
         ("\x00", "\\x00", "begin with a letter"),
         ("X" + "9" * 400, "X" + "9" * 23 + "...", "too large"),
         ("XY" + "9" * 400, "X", "needs a number"),
+        ("Y" + "9" * 400 + "[1]", "Y" + "9" * 23 + "...", "too large"),
         ("X[1+2]", "X[1+2]", "expressions"),
         ("X#5", "X#5", "parameters"),
         ("#5=3", "#5=3", "parameters"),

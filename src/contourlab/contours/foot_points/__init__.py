@@ -1,6 +1,6 @@
 """The exact foot point of a contour: the nearest point, local or global."""
 
-from contourlab.contours.foot_points.cells import cells_of
+from contourlab.contours.foot_points.contour_cells import cells_of
 from contourlab.contours.foot_points.foot_point import foot_point
 from contourlab.contours.foot_points.local import FootPoint, local_foot
 

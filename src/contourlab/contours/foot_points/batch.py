@@ -8,13 +8,17 @@ of a chunk.
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import NDArray
 
-from contourlab.contours.foot_points.cells import Cells, PathCells
+from contourlab.contours.foot_points.cells import Cells
 from contourlab.contours.foot_points.local import (
     Foot,
     FootPoint,
@@ -24,15 +28,16 @@ from contourlab.contours.foot_points.local import (
     start,
     step,
 )
+from contourlab.contours.foot_points.path_cells import PathCells
 
-__all__ = ["LARGE", "SMALL", "finish_all", "local_feet", "on_device"]
+__all__ = ["LARGE", "SMALL", "finish_all", "local_feet", "on_device", "padded", "side_by_side"]
 
 LARGE, SMALL = 1 << 16, 1 << 11
 """Lanes of a chunk: of two sizes only, so that nothing is compiled for a new number of points."""
 _ONE_BY_ONE = 6
 """Rounds of one cell each, before the stragglers go on together."""
 
-Values = np.ndarray[Any, Any]
+Values = NDArray[Any]
 
 
 def on_device(cells: Cells) -> Cells:
@@ -88,7 +93,8 @@ def padded(values: Any, size: int) -> Any:
 
     def one(x: Values) -> Values:
         x = np.asarray(x)
-        return x if len(x) == size else np.concatenate([x, np.repeat(x[-1:], size - len(x), axis=0)])
+        more = size - len(x)
+        return np.concatenate([x, np.repeat(x[-1:], more, axis=0)]) if more else x
 
     return jax.tree.map(one, values)
 
@@ -97,6 +103,25 @@ def chunks(n: int) -> list[tuple[slice, int]]:
     """Return slices that cover n points, each with the size that it is padded to."""
     size = SMALL if n <= SMALL else LARGE
     return [(slice(k, min(k + size, n)), size) for k in range(0, n, size)]
+
+
+def side_by_side(work: Callable[[slice, int], None], n: int) -> None:
+    """Do the chunks of n points, as many at a time as there are processors.
+
+    Parameters
+    ----------
+    work
+        Takes a slice of the points and the size that it is to be padded to.
+    n
+        Number of points.
+    """
+    jobs = chunks(n)
+    if len(jobs) < 2:
+        for job in jobs:
+            work(*job)
+        return
+    with ThreadPoolExecutor(min(os.cpu_count() or 1, 8)) as pool:
+        list(pool.map(work, *zip(*jobs, strict=True)))
 
 
 def finish_all(cells: Cells, points: Values, feet: Foot) -> FootPoint:
@@ -113,10 +138,12 @@ def finish_all(cells: Cells, points: Values, feet: Foot) -> FootPoint:
     """
     n, n_axes = points.shape
     result = FootPoint(np.empty(n), np.empty((n, n_axes)), np.empty((n, n_axes)), np.empty(n))
-    for at, size in chunks(n):
-        part = jax.tree.map(lambda x, at=at: x[at], feet)
-        values = _finish(cells, padded(points[at], size), padded(part, size))
-        _store(result, at, values)
+
+    def work(at: slice, size: int) -> None:
+        part = jax.tree.map(lambda x: x[at], feet)
+        _store(result, at, _finish(cells, padded(points[at], size), padded(part, size)))
+
+    side_by_side(work, n)
     return result
 
 
@@ -135,11 +162,14 @@ def local_feet(cells: Cells, points: Values, near: Values) -> FootPoint:
     breaks = None
     if isinstance(cells, PathCells):
         breaks = np.asarray(cells.contour.breaks)
-    for at, size in chunks(n):
+
+    def work(at: slice, size: int) -> None:
         q, parameter = padded((points[at], near[at]), size)
         begun = _begin(cells, q, parameter, _pieces(breaks, parameter, cells.contour.closed))
         foot = _walked(cells, q, begun, at.stop - at.start)
         _store(result, at, _finish(cells, q, foot))
+
+    side_by_side(work, n)
     return result
 
 
@@ -214,6 +244,6 @@ def _keep(best: Foot, owner: Values, foot: Foot) -> None:
 
 def _once_each(owner: Values) -> list[Values]:
     """Return masks in each of which no owner comes twice; owners come in two rising runs."""
-    turn = np.flatnonzero(np.diff(owner) < 0)
+    turn = np.flatnonzero(np.diff(owner) <= 0)
     first = np.arange(len(owner)) <= (turn[0] if len(turn) else len(owner))
     return [first, ~first]

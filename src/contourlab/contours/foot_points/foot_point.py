@@ -8,7 +8,7 @@ import numpy as np
 
 from contourlab.contours.base import Contour
 from contourlab.contours.foot_points.batch import local_feet, on_device
-from contourlab.contours.foot_points.cells import cells_of
+from contourlab.contours.foot_points.contour_cells import cells_of
 from contourlab.contours.foot_points.everywhere import global_feet
 from contourlab.contours.foot_points.local import FootPoint
 from contourlab.errors import GeometryError
@@ -28,8 +28,9 @@ def foot_point(contour: Contour, points: Any, near: Any = None) -> FootPoint:
     followed exactly. Helices, Bézier pieces and formula contours are searched cell by cell, with
     Newton's method kept inside brackets; it is assumed that a cell (a turn of π/4, an eighth of a
     Bézier piece, 1/1024 of a formula's domain) hides no second stationary point between two of
-    five looks, and that the distance peaks in it once at most. On formula contours a point whose error is
-    small against the radius of curvature, certified from sampled curvatures, takes a shorter way.
+    five looks, and that the distance peaks in it once at most. On formula contours a point whose
+    error is small against the radius of curvature, certified from sampled curvatures, takes a
+    shorter way.
 
     Distances are right to rounding. Where the point is at the centre of curvature of its foot, the
     distance is as good, but the parameter is only good to the square or fourth root of rounding.

@@ -1,8 +1,8 @@
 """The local foot point: the nearest point on the stretch of contour around a reference point.
 
 With e the distance of the point from the reference point r(near), the stretch is followed from
-``near`` both ways, cell by cell, until it first leaves the ball of radius 2e about r(near), or ends,
-or has gone round. The foot is the nearest point of all its cells.
+``near`` both ways, cell by cell, until it first leaves the ball of radius 2e about r(near), or
+ends, or has gone round. The foot is the nearest point of all its cells.
 
 A foot point is never further than e from the point, hence never outside the ball. So a cell need
 not be cut where it leaves the ball: it is enough to cut it at the first peak of the distance from
@@ -15,15 +15,26 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 
 from contourlab.contours.base import Contour
-from contourlab.contours.foot_points.cells import Cells, cells_of
+from contourlab.contours.foot_points.cells import Cells
+from contourlab.contours.foot_points.contour_cells import cells_of
 from contourlab.typing import Array, AxisVector, Count, Scalar
 
-__all__ = ["FootPoint", "Foot", "Start", "Walker", "finish", "local_foot", "search", "start", "step", "walk"]
+__all__ = [
+    "Foot",
+    "FootPoint",
+    "Start",
+    "Walker",
+    "finish",
+    "local_foot",
+    "search",
+    "start",
+    "step",
+    "walk",
+]
 
 
 class FootPoint(NamedTuple):
@@ -146,7 +157,7 @@ def start(cells: Cells, q: Array, row: Array, s: Array, lap: Array) -> Start:
     squared = d @ d
     reach = 4.0 * squared
     part = cells.find(row, s)
-    moving = squared > 0.0
+    moving = (squared > 0.0) & jnp.isfinite(squared)
     # once round, and the rest of the first cell from its far side
     total = jnp.where(moving, cells.total() + 2, 0).astype(row.dtype)
     foot = Foot(squared, row, s, lap)
@@ -158,8 +169,8 @@ def start(cells: Cells, q: Array, row: Array, s: Array, lap: Array) -> Start:
     low, high = cells.bounds(row, part)
     top, over_top = _cut(cells, row, centre, reach, s, high, moving)
     bottom, over_bottom = _cut(cells, row, centre, reach, s, low, moving)
-    at = cells.nearest(row, q, bottom, top, moving)
-    foot = _better(foot, cells, q, row, at, lap)
+    at, squared = cells.nearest(row, q, bottom, top, moving)
+    foot = _better(foot, Foot(squared, row, at, lap))
     for k, over in enumerate((over_top, over_bottom)):
         walkers[k] = _advance(cells, walkers[k], centre, reach, over)
     return Start(centre, reach, foot, *walkers)
@@ -184,12 +195,10 @@ def step(
     row, part, going = walker.row, walker.part, walker.left > 0
     low, high = cells.bounds(row, part)
     begin = walker.begin
-    end, over = _cut(
-        cells, row, centre, reach, begin, jnp.where(walker.sign > 0, high, low), going
-    )
-    at = cells.nearest(row, q, jnp.minimum(begin, end), jnp.maximum(begin, end), going)
-    better = _better(foot, cells, q, row, at, walker.lap)
-    foot = jax.tree.map(lambda new, old: jnp.where(going, new, old), better, foot)
+    end, over = _cut(cells, row, centre, reach, begin, jnp.where(walker.sign > 0, high, low), going)
+    at, squared = cells.nearest(row, q, jnp.minimum(begin, end), jnp.maximum(begin, end), going)
+    squared = jnp.where(going, squared, jnp.inf)
+    foot = _better(foot, Foot(squared, row, at, walker.lap))
     return foot, _advance(cells, walker, centre, reach, over)
 
 
@@ -246,9 +255,10 @@ def finish(cells: Cells, point: AxisVector, foot: Foot) -> FootPoint:
     bend = jax.lax.stop_gradient(bend)
     sound = inside & (bend > 1e-9 * jax.lax.stop_gradient(speed2))
     move = jnp.where(sound, -slope / jnp.where(sound, bend, 1.0), 0.0)
-    s = s + (move - jax.lax.stop_gradient(move))
-    r = cells.curve(row, s, 1)
-    vector = r[0] - point
+    move = move - jax.lax.stop_gradient(move)  # 0, with the derivative of the foot
+    s = s + move
+    foot_position = r[0] + move * jax.lax.stop_gradient(r[1])
+    vector = foot_position - point
     squared = vector @ vector
     norm = jnp.where(squared > 0.0, jnp.sqrt(jnp.where(squared > 0.0, squared, 1.0)), 0.0)
     distance = norm
@@ -256,10 +266,10 @@ def finish(cells: Cells, point: AxisVector, foot: Foot) -> FootPoint:
         across = r[1, 0] * vector[1] - r[1, 1] * vector[0]
         speed = jnp.sqrt(r[1] @ r[1])
         whole = jnp.where(across < 0.0, -norm, norm)
-        distance = jnp.where(inside & (speed > 0.0), across / jnp.where(speed > 0.0, speed, 1.0), whole)
-    start, end = contour.domain
-    parameter = cells.offset(row) + s + lap * (jnp.asarray(end, float) - start)
-    values = FootPoint(parameter, r[0], vector, distance)
+        distance = jnp.where(
+            inside & (speed > 0.0), across / jnp.where(speed > 0.0, speed, 1.0), whole
+        )
+    values = FootPoint(cells.parameter(row, s, lap), foot_position, vector, distance)
     return jax.tree.map(lambda x: jnp.where(known, x, jnp.nan), values)
 
 
@@ -274,9 +284,7 @@ def _cut(
     return jnp.where(over, peak, end), over
 
 
-def _better(foot: Foot, cells: Cells, q: Array, row: Array, s: Array, lap: Array) -> Foot:
-    d = cells.curve(row, s, 0)[0] - q
-    new = Foot(d @ d, row, s, lap)
+def _better(foot: Foot, new: Foot) -> Foot:
     closer = new.squared < foot.squared
     return jax.tree.map(lambda a, b: jnp.where(closer, a, b), new, foot)
 

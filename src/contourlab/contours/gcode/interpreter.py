@@ -11,7 +11,9 @@ Differences from LinuxCNC
 Before the first G61 or G64 pieces are exact stops (LinuxCNC starts in G64 without tolerance).
 G64 P0 is G64 without a tolerance, as in LinuxCNC; a negative P or Q is refused (LinuxCNC takes it
 as absent). The naive cam detector of G64 Q merges nothing here. P words that a dwell or G64 and an
-arc in one line would share are refused. A program may end without M2, M30 or %.
+arc in one line would share are refused, as are an R below 0.00005 inch, more than 10 000 turns and
+two signs before a number. A program may end without M2, M30 or %, and comments may stand before
+its first %. Lines may have 4096 characters, not 255.
 """
 
 from __future__ import annotations
@@ -77,7 +79,7 @@ class Interpreter:
     axes: Sequence[str] = ("X", "Y", "Z")
     default_units: str = "mm"
     block_delete: bool = False
-    start: Sequence[float] = (0.0, 0.0, 0.0)
+    start: Sequence[float | int] = (0.0, 0.0, 0.0)
     most_pieces: int = 5_000_000
     state: ModalState = field(init=False)
 

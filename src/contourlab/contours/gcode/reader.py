@@ -33,7 +33,7 @@ def read_gcode(
     axes: Sequence[str] = ("X", "Y", "Z"),
     default_units: str = "mm",
     block_delete: bool = False,
-    start: Sequence[float] = (0.0, 0.0, 0.0),
+    start: Sequence[float | int] = (0.0, 0.0, 0.0),
 ) -> Part:
     """Return the part that a program file describes.
 
@@ -85,7 +85,7 @@ def read_gcode_text(
     axes: Sequence[str] = ("X", "Y", "Z"),
     default_units: str = "mm",
     block_delete: bool = False,
-    start: Sequence[float] = (0.0, 0.0, 0.0),
+    start: Sequence[float | int] = (0.0, 0.0, 0.0),
 ) -> Part:
     """Return the part that the text of a program describes.
 

@@ -1,0 +1,238 @@
+"""A path in cells: lines and planar arcs whole, helices by the turn, Bézier pieces in parts."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from contourlab.configuration import is_concrete
+from contourlab.contours.bezier import chebyshev_value
+from contourlab.contours.foot_points.cells import Cells, placed
+from contourlab.contours.helical import helical_derivatives
+from contourlab.contours.path import Path
+from contourlab.typing import Array
+
+__all__ = ["PathCells", "path_cells"]
+
+BEZIER_CELLS = 8
+"""Cells of a Bézier piece."""
+HELIX_TURN = np.pi / 4
+"""Largest angle that a cell of a helix turns [rad]."""
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
+
+
+class PathCells(Cells):
+    """A path: its pieces are the rows."""
+
+    contour: Path
+    n_cells: Array
+    has_lines: bool = eqx.field(static=True)
+    """Whether lines or planar arcs are, or may be, among the pieces; and so on."""
+    has_arcs: bool = eqx.field(static=True)
+    has_helices: bool = eqx.field(static=True)
+    has_beziers: bool = eqx.field(static=True)
+
+    @property
+    def n_rows(self) -> int:
+        return self.contour.n_pieces
+
+    @property
+    def closed_form(self) -> bool:
+        return not (self.has_helices or self.has_beziers)
+
+    @property
+    def any_simple(self) -> bool:
+        return self.has_lines or self.has_arcs
+
+    @property
+    def by_length(self) -> bool:
+        return not self.has_beziers
+
+    @property
+    def straight(self) -> bool:
+        return self.closed_form and not self.has_arcs
+
+    def total(self) -> Array:
+        return self.n_cells
+
+    def place(self, parameter: Array, piece: Array | None) -> tuple[Array, Array, Array]:
+        path = self.contour
+        row = path.find(parameter) if piece is None else path.locate(parameter, piece)
+        row, s, lap = placed(path, parameter, jnp.asarray(row, jnp.int32))
+        breaks = jnp.asarray(path.breaks)
+        length = breaks[row + 1] - breaks[row]
+        s = jnp.clip(s - (breaks[row] - breaks[0]), 0.0, length)
+        if self.has_beziers:
+            u = chebyshev_value(self._inverse(row), 2.0 * s / length - 1.0)
+            s = jnp.where(self._is_bezier(row), jnp.clip(u, 0.0, 1.0), s)
+        return row, s, lap
+
+    def parameter(self, row: Array, s: Array, lap: Array) -> Array:
+        path = self.contour
+        breaks = jnp.asarray(path.breaks)
+        length = breaks[row + 1] - breaks[row]
+        if self.has_beziers:
+            s = jnp.where(self._is_bezier(row), self._bezier_length(row, s, length), s)
+        return breaks[row] + s + lap * path.length
+
+    def _bezier_length(self, row: Array, u: Array, length: Array) -> Array:
+        """Return arc length to u: by quadrature, then made one with the path's own series."""
+
+        def speed(u: Array) -> Array:
+            slope = self._bezier(row, u, 1)[1]
+            return jnp.sqrt(slope @ slope)
+
+        nodes = u * (0.5 + 0.5 * jnp.asarray(_NODES))
+        s = 0.5 * u * (jax.vmap(speed)(nodes) @ jnp.asarray(_WEIGHTS))
+        off = chebyshev_value(self._inverse(row), 2.0 * s / length - 1.0) - u
+        return jnp.clip(s - off * speed(u), 0.0, length)
+
+    def right_side(self, row: Array, s: Array, lap: Array) -> tuple[Array, Array, Array]:
+        over = s >= self.extent(row)
+        last = row + 1 >= self.n_rows
+        over = over & (self.contour.closed | ~last)
+        new = jnp.where(over, jnp.where(last, 0, row + 1), row).astype(row.dtype)
+        lap = lap + jnp.where(over & last, 1, 0).astype(lap.dtype)
+        return new, jnp.where(over, 0.0, s), lap
+
+    def quick(self, q: Array, s: Array) -> tuple[Array, Array, Array]:
+        return s, jnp.full_like(s, jnp.inf), jnp.zeros((), bool)
+
+    def parts(self, row: Array) -> Array:
+        parts = jnp.ones_like(row)
+        if self.has_helices:
+            turn = jnp.abs(self._rate(row)) * self.extent(row)
+            turns = jnp.clip(jnp.ceil(turn / HELIX_TURN), 1.0, 2.0**30).astype(row.dtype)
+            parts = jnp.where(self.arc(row)[0], 1, turns)
+        if self.has_beziers:
+            parts = jnp.where(self._is_bezier(row), BEZIER_CELLS, parts)
+        return parts
+
+    def joint(self, row: Array, part: Array, sign: Array) -> Array:
+        if not self.closed_form:
+            return super().joint(row, part, sign)
+        # past the end of an open path nothing is walked, and a closed one begins again
+        after = jnp.where(row + 1 >= self.n_rows, 0, row + 1)
+        return jnp.asarray(self.contour.origin)[jnp.where(sign > 0, after, row)]
+
+    def extent(self, row: Array) -> Array:
+        breaks = jnp.asarray(self.contour.breaks)
+        length = breaks[row + 1] - breaks[row]
+        return jnp.where(self._is_bezier(row), 1.0, length) if self.has_beziers else length
+
+    def curve(self, row: Array, s: Array, order: int) -> Array:
+        if not self.has_beziers:
+            return self._helical(row, s, order)
+        if not (self.any_simple or self.has_helices):
+            return self._bezier(row, s, order)
+        return jnp.where(
+            self._is_bezier(row), self._bezier(row, s, order), self._helical(row, s, order)
+        )
+
+    def simple_point(self, row: Array, s: Array) -> Array:
+        if self.straight:
+            origin, tangent, _ = self.arc(row)[2]
+            return origin + s * tangent  # type: ignore[no-any-return]
+        return self._helical(row, s, 0)[0]  # type: ignore[no-any-return]
+
+    def arc(self, row: Array) -> tuple[Array, Array, Any]:
+        path = self.contour
+        rate = self._rate(row)
+        u, v = jnp.asarray(path.tangent_vector)[row], jnp.asarray(path.normal_vector)[row]
+        origin, w = jnp.asarray(path.origin)[row], jnp.asarray(path.axial_vector)[row]
+        straight = rate == 0.0
+        if self.closed_form:
+            simple = jnp.ones((), bool)
+        else:
+            simple = (jnp.asarray(path.bezier_row)[row] < 0) & (straight | (w @ w == 0.0))
+        return simple, jnp.where(simple, rate, 0.0), (origin, jnp.where(straight, u + w, u), v)
+
+    def _rate(self, row: Array) -> Array:
+        return jnp.asarray(self.contour.angle_rate)[row]
+
+    def _is_bezier(self, row: Array) -> Array:
+        return jnp.asarray(self.contour.bezier_row)[row] >= 0
+
+    def _inverse(self, row: Array) -> Array:
+        path = self.contour
+        return jnp.asarray(path.inverse_length)[jnp.maximum(jnp.asarray(path.bezier_row)[row], 0)]
+
+    def _bezier(self, row: Array, u: Array, order: int) -> Array:
+        path = self.contour
+        at = jnp.maximum(jnp.asarray(path.bezier_row)[row], 0)
+        return rational_derivatives(jnp.asarray(path.control_points)[at], u, order)
+
+    def _helical(self, row: Array, s: Array, order: int) -> Array:
+        path = self.contour
+        return helical_derivatives(
+            s, self._rate(row), jnp.asarray(path.origin)[row],
+            jnp.asarray(path.tangent_vector)[row], jnp.asarray(path.normal_vector)[row],
+            jnp.asarray(path.axial_vector)[row], order,
+        )  # fmt: skip
+
+
+def path_cells(path: Path) -> PathCells:
+    """Return a path cut into cells.
+
+    Parameters
+    ----------
+    path
+        If its numbers are traced, every kind of piece is allowed for.
+    """
+    beziers = len(path.control_points) > 0
+    lines = arcs = helices = True
+    if all(is_concrete(x) for x in (path.angle_rate, path.axial_vector, path.bezier_row)):
+        own = np.asarray(path.bezier_row) < 0
+        turning = np.asarray(path.angle_rate) != 0.0
+        rising = np.any(np.asarray(path.axial_vector) != 0.0, axis=-1)
+        lines = bool(np.any(own & ~turning))
+        arcs = bool(np.any(own & turning & ~rising))
+        helices = bool(np.any(own & turning & rising))
+    count = jnp.asarray(path.n_pieces, jnp.int32)
+    cells = PathCells(path, count, lines, arcs, helices, beziers)
+    if cells.closed_form:
+        return cells
+    rows = jnp.arange(path.n_pieces, dtype=jnp.int32)
+    return PathCells(path, jnp.sum(jax.vmap(cells.parts)(rows)), lines, arcs, helices, beziers)
+
+
+def rational_derivatives(control: Array, u: Array, order: int) -> Array:
+    """Return a rational Bézier curve's point and derivatives over u, in few array operations.
+
+    Parameters
+    ----------
+    control
+        Homogeneous control points, shape (degree + 1, n_axes + 1).
+    u
+        Parameter in [0, 1].
+    order
+        0, 1 or 2.
+
+    Returns
+    -------
+    Array
+        Shape (order + 1, n_axes).
+    """
+    degree = control.shape[0] - 1
+    points, rows = control, [jnp.zeros(control.shape[1])] * 3
+    for left in range(degree, -1, -1):  # de Casteljau: left + 1 points are left
+        if left == 2:
+            rows[2] = degree * (degree - 1) * (points[2] - 2.0 * points[1] + points[0])
+        elif left == 1:
+            rows[1] = degree * (points[1] - points[0])
+        elif left == 0:
+            rows[0] = points[0]
+        points = points[:-1] + u * (points[1:] - points[:-1])
+    weight = rows[0][-1]
+    curve = [rows[0][:-1] / weight]
+    if order >= 1:
+        curve.append((rows[1][:-1] - curve[0] * rows[1][-1]) / weight)
+    if order >= 2:
+        bend = rows[2][:-1] - 2.0 * curve[1] * rows[1][-1] - curve[0] * rows[2][-1]
+        curve.append(bend / weight)
+    return jnp.stack(curve)

@@ -1,0 +1,218 @@
+"""The programmed feed, as far as the axes can follow it.
+
+The path is split where the motion stops: at corners, at dwells and at both ends. On each stretch
+
+1. the geometry is bounded (:mod:`contourlab.feedrate.segments`) and gives, place by place, caps on
+   speed and tangential acceleration under which no axis exceeds a limit (``caps``);
+2. the caps are spread over what the smoothing will mix (``cells``);
+3. the fastest motion of constant accelerations is planned (``ramps``), several windows being tried;
+4. it is averaged over the window (``smoothing``), which limits its jerk.
+
+The result is checked at every sample; a plan that exceeded a limit would be made anew under lower
+limits, never returned. On a straight line it is the time-optimal motion of limited jerk. Where
+curvature limits the feed it is not: caps hold the worst direction of an arc, tangential and normal
+acceleration have fixed shares, and a window costs T at each end. Where the curvature jumps (a line
+into a tangent arc) the acceleration jumps, within its limit; that is said in the warnings.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contourlab.contours.base import Contour
+from contourlab.contours.part import Part
+from contourlab.contours.path import Path
+from contourlab.errors import FeedError
+from contourlab.feedrate.arc_length import ArcLength, arc_derivatives, contour_derivatives
+from contourlab.feedrate.limits import AxisLimits, positive
+from contourlab.feedrate.motion import plan_motion
+from contourlab.feedrate.program import program_of
+from contourlab.feedrate.remarks import remarks
+from contourlab.feedrate.segments import segments_of
+from contourlab.feedrate.smoothing import Profile
+from contourlab.recordings.reference import Reference
+
+__all__ = ["Plan", "plan_feed", "programmed_feed"]
+
+Values = NDArray[Any]
+
+CORNER_ANGLE = 0.01
+"""Joints that turn by more than this are stopped at [rad]."""
+_SHRINK = 0.98
+_ATTEMPTS = 6
+_ROUNDING = 1e-9
+_FINER = 4
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Plan:
+    """A planned motion along a contour."""
+
+    reference: Reference
+    """The motion at the samples."""
+    stop_times: Values
+    """Instants of arrival at exact stops, the end included, shape (n_stops,) [s]."""
+    stop_parameters: Values
+    """Contour parameters of these stops, shape (n_stops,)."""
+    cycle_time: float
+    """Time of arrival at the end, dwells included [s]; not rounded to samples."""
+    warnings: tuple[str, ...]
+    """What the plan could not honour, in sentences; those of the part are not repeated."""
+    profile: Profile = field(repr=False)
+    """The motion between the samples too, in arc length from the start of the contour."""
+
+
+def programmed_feed(
+    contour: Contour | Part,
+    *,
+    limits: AxisLimits,
+    sample_time: float,
+    feed: Any = None,
+    rapid_feed: float | str | None = None,
+    corner_angle: float = CORNER_ANGLE,
+) -> Reference:
+    """Return the reference of :func:`plan_feed`.
+
+    Parameters
+    ----------
+    contour, limits, sample_time, feed, rapid_feed, corner_angle
+        As there.
+    """
+    return plan_feed(
+        contour, limits=limits, sample_time=sample_time, feed=feed, rapid_feed=rapid_feed,
+        corner_angle=corner_angle,
+    ).reference  # fmt: skip
+
+
+def plan_feed(
+    contour: Contour | Part,
+    *,
+    limits: AxisLimits,
+    sample_time: float,
+    feed: Any = None,
+    rapid_feed: float | str | None = None,
+    corner_angle: float = CORNER_ANGLE,
+) -> Plan:
+    """Plan the programmed feed under limits of velocity, acceleration and jerk of every axis.
+
+    The motion starts and ends at rest, goes along the contour once, stops exactly at corners and
+    where the program dwells, and rests for as long as it says. Between stops no axis exceeds its
+    velocity or acceleration limit anywhere, nor its jerk limit wherever the curvature is
+    continuous. At joints that turn by less than a corner, the speed is held so low that no axis
+    velocity jumps by more than its acceleration limit changes it in one sample.
+
+    Parameters
+    ----------
+    contour
+        A contour, or a part whose pieces carry feeds, rapids and dwells.
+    limits
+        Of the axes, which are the contour's coordinates.
+    sample_time
+        Time between samples, > 0 [s].
+    feed
+        Programmed feed: a number in m/s or a text with its unit; for a path also one number per
+        piece. Needed for a contour; for a part it replaces the feed of all pieces but rapids.
+    rapid_feed
+        Feed of rapids, as ``feed``; None leaves them to the velocity limits. Only for a part.
+    corner_angle
+        Joints that turn by more are stopped at, 0 to π [rad].
+
+    Raises
+    ------
+    FeedError
+        No feed, one that is not > 0, limits for another number of axes, a contour without length
+        or with a cusp.
+    """
+    program = program_of(contour, feed=feed, rapid_feed=rapid_feed)
+    dt = positive(sample_time, "sample_time", "s")
+    angle = float(corner_angle)
+    if not 0.0 <= angle <= np.pi:
+        raise FeedError(f"corner_angle must be within 0 to pi rad, got {angle:g}")
+    geometry = program.contour
+    axis_limits = limits.for_axes(geometry.n_axes)
+    table = ArcLength(geometry)
+    segments = segments_of(geometry, table)
+    if not (np.diff(segments.edges) > 0.0).all():
+        at = int(np.argmin(np.diff(segments.edges)))
+        raise FeedError(
+            f"piece {int(segments.piece[at])} at {segments.edges[at]:.6g} m "
+            "is shorter than rounding"
+        )
+    lowered = axis_limits
+    for attempt in range(_ATTEMPTS):
+        motion = plan_motion(segments, program, lowered, dt, angle)
+        reference = _sampled(geometry, table, motion.profile, dt)
+        worst = _worst(reference, axis_limits)
+        if not isinstance(geometry, Path) or len(geometry.control_points):
+            worst = max(worst, _worst_between(geometry, table, motion.profile, axis_limits, dt))
+        if worst <= 1.0 + _ROUNDING:
+            break
+        shrink = min(_SHRINK, 1.0 / worst**2) ** (attempt + 1)
+        lowered = AxisLimits(
+            velocity=axis_limits.velocity * shrink,
+            acceleration=axis_limits.acceleration * shrink,
+            jerk=axis_limits.jerk * shrink,
+        )
+    else:
+        raise FeedError(
+            f"no plan within the limits was found: one is exceeded by {100 * (worst - 1):.3g} %; "
+            "the contour is rougher than its samples show"
+        )
+    said = remarks(motion, axis_limits)
+    reference = _with_warnings(reference, (*program.warnings, *said))
+    return Plan(
+        reference=reference,
+        stop_times=motion.arrives,
+        stop_parameters=table.parameter_at(motion.stops[1:]),
+        cycle_time=motion.profile.duration,
+        warnings=said,
+        profile=motion.profile,
+    )
+
+
+def _sampled(contour: Contour, table: ArcLength, profile: Profile, dt: float) -> Reference:
+    count = max(1, int(np.ceil(profile.duration / dt - 1e-9)))
+    time = dt * np.arange(count + 1)
+    arc, speed, acceleration, jerk = profile.at(time)
+    parameter = table.time_derivatives(arc, speed, acceleration, jerk)
+    return Reference.along(
+        contour, sample_time=dt, parameter=parameter[0], parameter_rate=parameter[1],
+        parameter_acceleration=parameter[2], parameter_jerk=parameter[3],
+    )  # fmt: skip
+
+
+def _with_warnings(reference: Reference, warnings: tuple[str, ...]) -> Reference:
+    from contourlab.configuration import replace
+
+    return replace(reference, warnings=warnings)
+
+
+def _worst(reference: Reference, limits: AxisLimits) -> float:
+    """Return the largest fraction of a limit that a sample takes."""
+    pairs = (
+        (reference.velocity, limits.velocity),
+        (reference.acceleration, limits.acceleration),
+        (reference.jerk, limits.jerk),
+    )
+    return max(float(np.max(np.abs(value) / np.asarray(limit))) for value, limit in pairs)
+
+
+def _worst_between(
+    contour: Contour, table: ArcLength, profile: Profile, limits: AxisLimits, dt: float
+) -> float:
+    """Return the same between samples, where bounds rest on samples of the geometry."""
+    count = int(np.ceil(profile.duration / dt)) * _FINER
+    time = np.linspace(0.0, profile.duration, min(count, 200_000) + 1)
+    arc, v, a, j = (x[:, None] for x in profile.at(time))
+    r = arc_derivatives(contour_derivatives(contour, table.parameter_at(arc[:, 0])))
+    velocity = r[:, 0] * v
+    acceleration = r[:, 1] * v**2 + r[:, 0] * a
+    jerk = r[:, 2] * v**3 + 3.0 * r[:, 1] * v * a + r[:, 0] * j
+    pairs = (
+        (velocity, limits.velocity), (acceleration, limits.acceleration), (jerk, limits.jerk),
+    )  # fmt: skip
+    return max(float(np.max(np.abs(value) / np.asarray(limit))) for value, limit in pairs)

@@ -1,0 +1,5 @@
+"""Machines of published papers, one file each, with what the source leaves open."""
+
+from contourlab.machines.published.meng import meng_simulated_axes, meng_xy_stage
+
+__all__ = ["meng_simulated_axes", "meng_xy_stage"]

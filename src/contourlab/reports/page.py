@@ -1,0 +1,263 @@
+"""The report: one HTML page that holds everything it shows and asks nobody for anything.
+
+plotly.js, styles and data are inside the file; a content security policy in its head forbids every
+request, so that a defect cannot turn into one. ``#magnification=500`` at the end of the page's
+address sets the factor.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+from functools import cache
+from importlib.resources import files
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from contourlab.reports.closeup import closeup
+from contourlab.reports.decimation import kept_rows, shape_rows, spans
+from contourlab.reports.drawing import FAR_WORSE, Drawing, Run, make_drawing
+from contourlab.reports.provenance import provenance
+from contourlab.reports.wording import (
+    command_limits,
+    command_unit,
+    result_sentences,
+    table_columns,
+)
+
+if TYPE_CHECKING:
+    from contourlab.simulation.comparison import Comparison
+
+__all__ = ["write_report"]
+
+CURVE_POINTS = 12_000
+DATA_BYTES = 4_000_000
+"""Room for the curves of all controllers; with many of them each is drawn with fewer points."""
+SHOWN_STOPS = 300
+"""More exact stops than this are not drawn as lines over the error curves."""
+
+
+def write_report(
+    comparison: Comparison,
+    file: str | FilePath,
+    *,
+    magnification: float | None = None,
+    force: bool = False,
+) -> FilePath:
+    """Write a comparison as one self-contained HTML page; opens without a network.
+
+    Parameters
+    ----------
+    comparison
+        With one recording or more.
+    file
+        Where, usually ``.html``.
+    magnification
+        Factor by which deviations from the path are drawn larger at first (the reader can change
+        it); chosen from the data if None.
+    force
+        Whether an existing file may be replaced.
+
+    Returns
+    -------
+    pathlib.Path
+        The file.
+
+    Raises
+    ------
+    OutputError
+        The file exists already, or cannot be written.
+    ConfigurationError
+        The factor is not a finite number > 0.
+    """
+    from contourlab.recordings.files import atomic_file, refuse_existing
+
+    target = FilePath(file)
+    refuse_existing(target, force=force)
+    text = _page(make_drawing(comparison, magnification))
+    with atomic_file(target, force=force) as temporary:
+        FilePath(temporary).write_text(text, encoding="utf-8")
+    return target
+
+
+def _page(drawing: Drawing) -> str:
+    import jinja2
+    from markupsafe import Markup
+    from plotly.offline import get_plotlyjs
+
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    comparison = drawing.comparison
+    rows = _points_per_curve(drawing)
+    return environment.from_string(_template("report.html")).render(
+        title=comparison.title or "Contouring comparison",
+        sentences=result_sentences(drawing),
+        columns=table_columns(comparison),
+        runs=drawing.runs,
+        planar=drawing.shown == 2,
+        signed=drawing.signed,
+        projection=drawing.projection,
+        unlocated=comparison.part is None,
+        stops=len(drawing.stops.time),
+        stops_drawn=len(drawing.stops.time) <= SHOWN_STOPS,
+        has_commands=any("command" in run.recording.dataset for run in drawing.runs),
+        has_tracking=any("tracking_error" in run.recording.dataset for run in drawing.runs),
+        thinned=[(run.name, len(run.time)) for run in drawing.runs if len(run.time) > rows],
+        points_per_curve=rows,
+        warnings=_warnings(drawing),
+        provenance=provenance(comparison),
+        style=Markup(_template("report.css")),
+        script=Markup(_template("theme.js") + _template("figures.js") + _template("report.js")),
+        plotly=Markup(get_plotlyjs()),
+        data=Markup(script_json(_payload(drawing, rows))),
+    )
+
+
+def _warnings(drawing: Drawing) -> list[tuple[int | None, str, str]]:
+    """Return all warnings once each: number of the controller if it is one's own, who, what."""
+    comparison = drawing.comparison
+    common = list(comparison.reference.warnings)
+    of_part = list(comparison.part.warnings) if comparison.part is not None else []
+    found: list[tuple[int | None, str, str]] = [(None, "part", text) for text in of_part]
+    found += [(None, "reference", text) for text in common if text not in of_part]
+    for k, run in enumerate(drawing.runs):
+        found += [(k, run.name, text) for text in run.recording.warnings if text not in common]
+    return found
+
+
+@cache
+def _template(name: str) -> str:
+    return (files("contourlab.reports") / "templates" / name).read_text(encoding="utf-8")
+
+
+def script_json(value: Any) -> str:
+    """Return JSON that is safe inside a ``<script>`` element, whatever its strings hold.
+
+    Parameters
+    ----------
+    value
+        Of dicts, lists, strings, finite numbers, None.
+    """
+    text = json.dumps(value, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _points_per_curve(drawing: Drawing) -> int:
+    n_axes = len(np.asarray(drawing.runs[0].recording["axis"]))
+    numbers = 4 + 2 * len(drawing.coordinates) + 1 + 2 * n_axes
+    return int(min(CURVE_POINTS, DATA_BYTES / (len(drawing.runs) * numbers * 5.4)))
+
+
+def _payload(drawing: Drawing, n_points: int) -> dict[str, Any]:
+    runs = [_run(drawing, run, n_points) for run in drawing.runs]
+    with_commands = next((r for r in drawing.runs if "command" in r.recording.dataset), None)
+    limits = command_limits(with_commands.recording) if with_commands else []
+    lines = {int(n) for run in runs for n in np.unique(run.pop("_lines"))}
+    lines |= {int(n) for n in drawing.stops.line}
+    shown = drawing.shown
+    return {
+        "magnification": drawing.magnification,
+        "coordinates": list(drawing.coordinates),
+        "shown": shown,
+        "signed": drawing.signed,
+        "far_worse": FAR_WORSE,
+        "axes": [str(name) for name in np.asarray(drawing.runs[0].recording["axis"])],
+        "unit": command_unit(with_commands.recording) if with_commands else "",
+        "limits": [limit if math.isfinite(limit) else None for limit in limits],
+        "lines": {str(n): drawing.line_text(n) for n in sorted(lines) if n},
+        "path": [_packed(column * 1e3) for column in drawing.path[:, :shown].T],
+        "stops": {
+            "time": drawing.stops.time.tolist(),
+            "distance": (drawing.stops.distance * 1e3).tolist(),
+            "position": (drawing.stops.position[:, :shown].T * 1e3).tolist(),
+            "line": drawing.stops.line.tolist(),
+            "lines_shown": len(drawing.stops.time) <= SHOWN_STOPS,
+        },
+        "runs": runs,
+    }
+
+
+def _run(drawing: Drawing, run: Run, n_points: int) -> dict[str, Any]:
+    n = len(run.time)
+    shape = shape_rows(run.foot, n_points // 2)
+    kept = np.union1d(kept_rows(n, n_points // 2, [run.error]), shape)
+    mm, um = 1e3, 1e6
+    shown = drawing.shown
+    worst = None
+    if run.worst is not None:
+        worst = {
+            "row": int(np.searchsorted(kept, run.worst)),
+            "where": drawing.where(run, run.worst, text=False),
+        }
+    return {
+        "name": run.name,
+        "light": run.look.light,
+        "dark": run.look.dark,
+        "dash": run.look.dash,
+        "symbol": run.look.symbol,
+        "diverged": run.diverged,
+        "cut": n < run.recording.n_samples,
+        "status": run.status,
+        "worst": worst,
+        "time": _packed(run.time[kept]),
+        "distance": _packed(run.distance[kept] * mm),
+        "error": _packed(run.error[kept] * um),
+        "foot": [_packed(column * mm) for column in run.foot[kept, :shown].T],
+        "vector": [_packed(column * mm) for column in run.vector[kept, :shown].T],
+        "line": _packed(run.line[kept]),
+        "_lines": run.line[kept],
+        "axes": _axis_curves(run, n_points),
+        "closeup": _closeup(drawing, run),
+    }
+
+
+def _axis_curves(run: Run, n_points: int) -> dict[str, Any]:
+    """Return commands and tracking errors per axis, and when each command was at its limit."""
+    dataset, n = run.recording.dataset, len(run.time)
+    curves = {
+        name: np.asarray(dataset[name], float)[:n].T * scale
+        for name, scale in (("command", 1.0), ("tracking_error", 1e6))
+        if name in dataset
+    }
+    kept = kept_rows(n, n_points, [row for rows in curves.values() for row in rows])
+    saturated = []
+    if "command" in curves:
+        for command, limit in zip(curves["command"], command_limits(run.recording), strict=True):
+            at = spans(np.abs(command) >= limit * (1.0 - 1e-12), gap=n // 500)
+            saturated.append([[run.time[a], run.time[min(b + 1, n - 1)]] for a, b in at])
+    return {
+        "time": _packed(run.time[kept]),
+        "saturated": saturated,
+        **{name: [_packed(row[kept]) for row in rows] for name, rows in curves.items()},
+    }
+
+
+def _closeup(drawing: Drawing, run: Run) -> dict[str, Any] | None:
+    near = closeup(drawing, run)
+    if near is None:
+        return None
+    numbers = {run.name: k for k, run in enumerate(drawing.runs)}
+    return {
+        "half": near.half * 1e6,
+        "axes": list(near.axes),
+        "path": (near.path.T * 1e6).round(4).tolist(),
+        "tracks": [
+            {"run": numbers[name], "points": (track.T * 1e6).round(4).tolist()}
+            for name, track in near.tracks.items()
+        ],
+        "actual": (near.actual * 1e6).tolist(),
+        "reference": (near.reference * 1e6).tolist(),
+        "lag": near.lag * 1e6,
+    }
+
+
+def _packed(values: Any) -> dict[str, str]:
+    """Return numbers as base64: half the size of decimal text, and exact to seven digits."""
+    array = np.asarray(values)
+    kind = "i4" if array.dtype.kind in "iu" else "f4"
+    raw = np.ascontiguousarray(array, f"<{kind}").tobytes()
+    return {"type": kind, "data": base64.b64encode(raw).decode("ascii")}

@@ -1,0 +1,320 @@
+// The figures: each is a function of nothing that returns traces and a layout.
+
+function line(run, look, x, y, width, more = {}) {
+  return {
+    type: "scatter", mode: "lines", x, y, name: run.label, visible: !run.hidden,
+    // plotly's own thinning leaves corners in smooth curves
+    line: { color: look.run(run), width, dash: run.dash, simplify: false },
+    opacity: run.diverged ? 0.75 : 1, ...more,
+  };
+}
+
+function marker(run, look, x, y, hovertext, more = {}) {
+  return {
+    type: "scatter", mode: "markers", x, y, hovertext, hoverinfo: "text", visible: !run.hidden,
+    marker: {
+      color: look.run(run), size: 10, symbol: run.symbol, line: { color: look.ground, width: 1.5 },
+    },
+    ...more,
+  };
+}
+
+function label(run, look, text, x, y, ax, ay, more = {}) {
+  return {
+    x, y, ax, ay, text, visible: !run.hidden, showarrow: true, arrowhead: 0, arrowwidth: 1,
+    arrowcolor: look.run(run), font: { color: look.run(run), size: 12.5 }, bgcolor: look.ground,
+    borderpad: 2, standoff: 6, ...more,
+  };
+}
+
+const lost = (run) => (run.cut ? `leaves the picture, ${run.status}` : run.status);
+const shift = (run, factor, axis) => run.foot[axis].map((at, k) => at - factor * run.vector[axis][k]);
+const bounds = (values) => values.reduce(
+  ([low, high], v) => [v < low ? v : low, v > high ? v : high], [Infinity, -Infinity]);
+const webgl = data.shown === 3 && (() => {
+  const canvas = document.createElement("canvas");
+  return Boolean(canvas.getContext("webgl2") || canvas.getContext("webgl"));
+})();
+
+function factorText(factor) {
+  return factor === 1 ? "deviation at true scale" : `deviation drawn ${factor.toLocaleString("en", { maximumSignificantDigits: 6 })} × larger`;
+}
+
+function pathFigure(factor) {
+  const look = theme();
+  return data.shown === 3 && webgl ? pathInSpace(factor, look) : pathInPlane(factor, look);
+}
+
+function pathInPlane(factor, look) {
+  const inside = framed();
+  const [across, up] = [0, 1].map((k) => {
+    const [low, high] = bounds([data.path[k], ...inside.map((run) => shift(run, factor, k))].flatMap(bounds));
+    return { low, high, size: high - low || 1, middle: (low + high) / 2 };
+  });
+  const room = document.getElementById("path").clientWidth - (narrow() ? 60 : 90);
+  const depth = Math.min(Math.max(1.12 * room * up.size / across.size, 200), narrow() ? 380 : 600);
+  const height = depth + 180;  // above and below there is room for two rows of labels each
+  const traces = [{
+    type: "scatter", mode: "lines", x: data.path[0], y: data.path[1], hoverinfo: "skip",
+    line: { color: look.path, width: 2, simplify: false },
+  }];
+  const annotations = [];
+  const rows = { 1: 0, "-1": 0 };
+  // labels stand above the part or below it, each in its row, and reach inwards
+  const tag = (run, text, x, y) => {
+    const side = y >= up.middle ? 1 : -1, share = (x - across.low) / across.size;
+    const edge = side > 0 ? up.high : up.low;
+    rows[side] += 1;
+    const ay = edge + side * (0.02 + rows[side] * 19 / depth) * up.size;
+    return label(run, look, text, x, y, 0, ay, {
+      ayref: "y", xanchor: share < 0.4 ? "left" : share > 0.6 ? "right" : "center",
+    });
+  };
+  for (const run of data.drawn) {
+    const [x, y] = [shift(run, factor, 0), shift(run, factor, 1)];
+    traces.push(line(run, look, x, y, 1.8, { hovertext: run.hover, hoverinfo: "text" }));
+    if (run.diverged) {
+      const last = x.length - 1;
+      traces.push(marker(run, look, [x[last]], [y[last]], [`<b>${run.label}</b><br>${plain(lost(run))}`],
+        { marker: { color: look.run(run), size: 10, symbol: "x" } }));
+      if (!run.hidden) annotations.push(tag(run, narrow() ? "diverged" : plain(lost(run)), x[last], y[last]));
+    } else if (run.worst && inside.includes(run)) {
+      const k = run.worst.row;
+      traces.push(marker(run, look, [x[k]], [y[k]], [run.hover[k]]));
+      annotations.push(tag(run, worstText(run), x[k], y[k]));
+    }
+  }
+  traces.push(stopMarkers(look, "scatter"));
+  annotations.push({
+    text: factorText(factor), x: 0, y: 1, xref: "paper", yref: "paper", xanchor: "left",
+    yanchor: "bottom", showarrow: false, font: { size: 13, color: look.ink },
+  });
+  const [a, b] = data.coordinates.map(plain);
+  return {
+    traces,
+    layout: {
+      ...baseLayout(look, height), annotations,
+      xaxis: axis(look, `${a} [mm]`, {
+        zeroline: false, range: [across.low - 0.04 * across.size, across.high + 0.04 * across.size],
+      }),
+      yaxis: axis(look, `${b} [mm]`, {
+        zeroline: false, scaleanchor: "x", scaleratio: 1, range: [
+          up.low - (0.06 + rows[-1] * 19 / depth) * up.size,
+          up.high + (0.06 + rows[1] * 19 / depth) * up.size,
+        ],
+      }),
+    },
+  };
+}
+
+function stopMarkers(look, type) {
+  const [x, y, z] = data.stops.position;
+  const hovertext = data.stops.time.map((time, k) => {
+    const text = lineText(data.stops.line[k]);
+    return `exact stop at ${digits(time, 4)} s${text ? `<br>before ${text}` : ""}`;
+  });
+  return {
+    type, mode: "markers", x, y, ...(type === "scatter3d" ? { z } : {}), hovertext, hoverinfo: "text",
+    marker: {
+      symbol: type === "scatter3d" ? "square" : "square-open", size: type === "scatter3d" ? 3 : 8,
+      color: look.ink, line: { width: 1.5, color: look.ink },
+    },
+  };
+}
+
+function pathInSpace(factor, look) {
+  const [x, y, z] = data.path;
+  const traces = [{
+    type: "scatter3d", mode: "lines", x, y, z, hoverinfo: "skip", line: { color: look.path, width: 3 },
+  }, stopMarkers(look, "scatter3d")];
+  for (const run of data.drawn) {
+    const at = [0, 1, 2].map((k) => shift(run, factor, k));
+    traces.push({
+      type: "scatter3d", mode: "lines", x: at[0], y: at[1], z: at[2], visible: !run.hidden,
+      hovertext: run.hover, hoverinfo: "text", line: { color: look.run(run), width: 4 },
+    });
+    const k = run.diverged ? at[0].length - 1 : run.worst && run.worst.row;
+    if (k === null) continue;
+    traces.push({
+      type: "scatter3d", mode: "markers+text", x: [at[0][k]], y: [at[1][k]], z: [at[2][k]],
+      visible: !run.hidden, hovertext: [run.hover[k]], hoverinfo: "text",
+      text: [run.diverged ? plain(lost(run)) : worstText(run)],
+      textposition: ["top center", "bottom center", "middle right"][data.runs.indexOf(run) % 3],
+      textfont: { color: look.run(run), size: 12 },
+      marker: { color: look.run(run), size: 5, symbol: run.diverged ? "x" : "circle" },
+    });
+  }
+  const inSpace = (name) => ({
+    ...axis(look, `${plain(name)} [mm]`), zeroline: false, showbackground: false,
+  });
+  const layout = baseLayout(look, narrow() ? 420 : 620);
+  const [a, b, c] = data.coordinates;
+  return {
+    traces,
+    layout: {
+      ...layout, margin: { l: 0, r: 0, t: 28, b: 0 }, dragmode: "orbit",
+      scene: {
+        aspectmode: "data", xaxis: inSpace(a), yaxis: inSpace(b), zaxis: inSpace(c),
+        camera: { eye: { x: 1.25, y: -1.5, z: 0.9 } },
+      },
+      annotations: [{
+        text: factorText(factor), x: 0.01, y: 1, xref: "paper", yref: "paper", xanchor: "left",
+        yanchor: "bottom", showarrow: false, font: { size: 13, color: look.ink },
+      }],
+    },
+  };
+}
+
+function errorFigure(key, title) {
+  const look = theme();
+  const traces = [], annotations = [];
+  const inside = framed();
+  const [low, high] = inside.length ? bounds(inside.flatMap((run) => bounds(run.error))) : [-1, 1];
+  const [first, last] = bounds(data.runs.flatMap((run) => bounds(run[key])));
+  const rows = { 1: 0, "-1": 0 }, step = 0.14 * (high - low || 1);
+  for (const run of data.drawn) {
+    const x = run[key];
+    traces.push(line(run, look, x, run.error, 1.4, { hovertext: run.hover, hoverinfo: "text" }));
+    if (run.diverged && !run.hidden) {
+      const end = x.length - 1;
+      traces.push(marker(run, look, [x[end]], [run.error[end]], [plain(lost(run))],
+        { marker: { color: look.run(run), size: 9, symbol: "x" } }));
+      annotations.push(label(run, look, narrow() ? "diverged" : plain(lost(run)), x[end], run.error[end], 36, 0,
+        { xanchor: "left" }));
+    } else if (run.worst && inside.includes(run)) {
+      const k = run.worst.row;
+      traces.push(marker(run, look, [x[k]], [run.error[k]], [run.hover[k]]));
+      // labels stand in rows above the highest and below the lowest value, clear of the curves
+      const side = run.error[k] >= 0 ? 1 : -1;
+      rows[side] += 1;
+      const text = narrow() ? worstText(run) :
+        `${digits(Math.abs(run.error[k]), 3)} µm · ${lineText(run.line[k]) || plain(run.worst.where)}`;
+      annotations.push(label(run, look, text, x[k], run.error[k], 0,
+        (side > 0 ? high : low) + side * step * (rows[side] - 0.35),
+        { ayref: "y", xanchor: x[k] < first + 0.5 * (last - first) ? "left" : "right" }));
+    }
+  }
+  const shapes = !data.stops.lines_shown ? [] : data.stops[key].map((at) => ({
+    type: "line", x0: at, x1: at, y0: 0, y1: 1, yref: "paper", layer: "below",
+    line: { color: look.path, width: 1, dash: "dot" },
+  }));
+  return {
+    traces,
+    layout: {
+      ...baseLayout(look, narrow() ? 300 : 340), annotations, shapes,
+      xaxis: axis(look, title, { zeroline: false, range: [first, last + 1e-9] }),
+      yaxis: axis(look, "contour error [µm]", {
+        range: [data.signed ? low - step * (rows[-1] + 0.4) : 0, high + step * (rows[1] + 0.4)],
+        zerolinewidth: 1.5,
+      }),
+    },
+  };
+}
+
+function closeupFigure(run) {
+  const look = theme(), near = run.closeup;
+  const traces = [{
+    type: "scatter", mode: "lines", x: near.path[0], y: near.path[1], hoverinfo: "skip",
+    line: { color: look.path, width: 4 },
+  }];
+  for (const track of near.tracks) {
+    const other = data.runs[track.run], own = other === run;
+    traces.push(line(other, look, track.points[0], track.points[1], own ? 2.4 : 1.2, {
+      hoverinfo: "text", hovertext: other.label, opacity: own ? 1 : 0.5,
+    }));
+  }
+  const [x, y] = near.actual;
+  traces.push({
+    type: "scatter", mode: "lines", x: [0, x], y: [0, y], hoverinfo: "skip",
+    line: { color: look.ink, width: 1.5 },
+  });
+  traces.push(marker({ ...run, hidden: false }, look, [x], [y], ["the tool"]));
+  traces.push({
+    type: "scatter", mode: "markers", x: [near.reference[0]], y: [near.reference[1]],
+    hovertext: "the reference at that instant", hoverinfo: "text",
+    marker: { symbol: "circle-open", size: 11, color: look.ink, line: { width: 2 } },
+  });
+  const range = [-near.half, near.half];
+  const layout = baseLayout(look, 330);
+  return {
+    traces,
+    layout: {
+      ...layout, margin: { l: 56, r: 8, t: 8, b: 44 },
+      xaxis: axis(look, `${plain(near.axes[0])} [µm]`, { range, nticks: 6, constrain: "domain", constraintoward: "left" }),
+      yaxis: axis(look, `${plain(near.axes[1])} [µm]`, {
+        range, nticks: 6, scaleanchor: "x", scaleratio: 1, constrain: "domain",
+      }),
+    },
+  };
+}
+
+// one row per axis over a common time
+function axisFigure(key, unit, limits) {
+  const look = theme(), inside = framed();
+  const count = data.axes.length, gap = 0.24 / Math.max(count, 2);
+  const traces = [], shapes = [], annotations = [];
+  const layout = baseLayout(look, Math.min(70 + (narrow() ? 150 : 180) * count, 1400));
+  const share = (1 - gap * (count - 1)) / count;
+  data.axes.forEach((name, row) => {
+    const suffix = row === 0 ? "" : String(row + 1);
+    const top = 1 - row * (share + gap);
+    let [low, high] = [Infinity, -Infinity];
+    for (const run of data.drawn) {
+      const y = run.axes[key] && run.axes[key][row];
+      if (!y) continue;
+      if (key === "command" ? !run.hidden : inside.includes(run)) {
+        const [a, b] = bounds(y);
+        [low, high] = [Math.min(low, a), Math.max(high, b)];
+      }
+      traces.push(line(run, look, run.axes.time, y, 1.3, {
+        yaxis: `y${suffix}`,
+        hovertemplate: `<b>${run.label.replace(/%/g, "&#37;")}</b><br>%{y:.4g} ${plain(unit)} at %{x:.4g} s<extra></extra>`,
+      }));
+      const saturated = (key === "command" && run.axes.saturated[row]) || [];
+      if (saturated.length) traces.push(shading(run, look, saturated, limits[row], suffix));
+    }
+    if (!(low <= high)) [low, high] = [-1, 1];
+    const peak = Math.max(Math.abs(low), Math.abs(high));
+    const pad = 0.08 * (high - low || peak || 1);
+    [low, high] = [low - pad, high + pad];
+    const limit = limits ? limits[row] : null;
+    let title = `<b>${plain(name)}</b>`;
+    if (limit !== null && peak >= 0.35 * limit) {
+      [low, high] = [Math.min(low, -1.12 * limit), Math.max(high, 1.12 * limit)];
+      for (const sign of [-1, 1]) {
+        shapes.push({
+          type: "line", xref: "paper", x0: 0, x1: 1, yref: `y${suffix}`, y0: sign * limit,
+          y1: sign * limit, line: { color: look.ink, width: 1, dash: "dash" },
+        });
+      }
+      title += `  limit ±${Number(limit.toPrecision(4))} ${plain(unit)}`;
+    } else if (limits) {
+      title += limit === null ? "  no limit" :
+        `  limit ±${Number(limit.toPrecision(4))} ${plain(unit)}, outside the picture`;
+    }
+    annotations.push({
+      text: title, xref: "paper", yref: "paper", x: 0, y: top, xanchor: "left", yanchor: "bottom",
+      showarrow: false, font: { size: 12.5, color: look.ink },
+    });
+    layout[`yaxis${suffix}`] = axis(look, `[${plain(unit)}]`, {
+      domain: [Math.max(0, top - share), top], range: [low, high], anchor: "x", nticks: 6,
+    });
+  });
+  layout.xaxis = axis(look, "time [s]", {
+    anchor: count > 1 ? `y${count}` : "y", zeroline: false,
+    range: bounds(data.runs.flatMap((run) => bounds(run.axes.time))),
+  });
+  return { traces, layout: { ...layout, shapes, annotations } };
+}
+
+function shading(run, look, saturated, limit, suffix) {
+  const x = [], y = [];
+  for (const [from, to] of saturated) {
+    x.push(from, from, to, to, from, null);
+    y.push(-limit, limit, limit, -limit, -limit, null);
+  }
+  return {
+    type: "scatter", mode: "none", x, y, yaxis: `y${suffix}`, fill: "toself", hoverinfo: "skip",
+    visible: !run.hidden, fillcolor: faded(look.run(run), 0.16),
+  };
+}

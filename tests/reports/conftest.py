@@ -1,0 +1,190 @@
+"""Hand-made comparisons: a bracket with smooth made-up errors, exactly as a simulation records."""
+
+from __future__ import annotations
+
+import json
+from types import MappingProxyType
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from contourlab.contours import Circle
+from contourlab.contours.part import Part
+from contourlab.contours.path import Path
+from contourlab.machines import ball_screw_stage
+from contourlab.recordings import Recording, Reference
+from contourlab.simulation import Comparison
+
+PROGRAM = """\
+%
+(bracket, 6 mm plate)
+G21 G90 G17 G64
+F3000
+G0 X0 Y0
+G1 X50 Y0
+G1 X60 Y0
+G3 X70 Y10 I0 J10
+G1 X70 Y40
+G1 X40 Y40
+G2 X30 Y30 I-10 J0
+G1 X0 Y30
+G1 X0 Y0
+M2
+%
+""".splitlines()
+SAMPLE_TIME = 1e-3
+SCENARIO = '[part]\nfile = "bracket.ngc"\n\n[feed]\nrate = "3000 mm/min"\n'
+
+
+def bracket_path() -> Path:
+    mm = 1e-3
+    pieces = [  # start, end, centre, source line
+        ((0, 0), (60, 0), None, 7), ((60, 0), (70, 10), (60, 10), 8),
+        ((70, 10), (70, 40), None, 9), ((70, 40), (40, 40), None, 10),
+        ((40, 40), (30, 30), (30, 40), 11), ((30, 30), (0, 30), None, 12), ((0, 30), (0, 0), None, 13),
+    ]  # fmt: skip
+    start, tangent, normal, rate, length, line = [], [], [], [], [], []
+    for a, b, c, number in pieces:
+        a, b = np.array(a) * mm, np.array(b) * mm
+        if c is None:
+            size = np.linalg.norm(b - a)
+            u, v, k = (b - a) / size, np.zeros(2), 0.0
+        else:
+            out = a - np.array(c) * mm
+            radius = np.linalg.norm(out)
+            left = np.array([-out[1], out[0]]) / radius
+            turn = 1.0 if number == 8 else -1.0
+            u, v, k, size = left * turn, -out / radius, 1 / radius, radius * np.pi / 2
+        for held, value in zip((start, tangent, normal, rate, length, line), (a, u, v, k, size, number), strict=True):
+            held.append(value)
+    return Path.from_helical(start, tangent, normal, np.zeros_like(start), rate, length, line)
+
+
+def bracket_part(path: Path, lines: list[str] = PROGRAM, source: str = "bracket.ngc") -> Part:
+    n = path.n_pieces
+    return Part(
+        path=path, axes=("X", "Y"), source=source, lines=tuple(lines),
+        source_line=np.asarray(path.source_line), feed=np.full(n, 0.05), rapid=np.zeros(n, bool),
+        blend=np.full(n, np.nan), dwell=np.zeros(n), ignored=MappingProxyType({}),
+    )  # fmt: skip
+
+
+def travel(path: Path, feed: float) -> tuple[Reference, np.ndarray]:
+    """Return a reference that stops at every sharp corner, and the times of the stops."""
+    breaks = np.asarray(path.breaks)
+    sharp = [*breaks[[0, 3, 4, 6, 7]]] if len(breaks) == 8 else [0.0, breaks[-1]]
+    parameter, stops = [], []
+    for a, b in zip(sharp[:-1], sharp[1:], strict=True):
+        n = int(np.ceil(1.5 * (b - a) / feed / SAMPLE_TIME))
+        x = np.linspace(0.0, 1.0, n, endpoint=False)
+        parameter.append(a + (b - a) * (x - np.sin(2 * np.pi * x) / (2 * np.pi)))
+        stops.append(n)
+    parameter = np.concatenate([*parameter, [sharp[-1]]])
+    rate = np.gradient(parameter, SAMPLE_TIME)
+    acceleration = np.gradient(rate, SAMPLE_TIME)
+    reference = Reference.along(
+        path, sample_time=SAMPLE_TIME, parameter=parameter, parameter_rate=rate,
+        parameter_acceleration=acceleration, parameter_jerk=np.zeros_like(rate),
+    )  # fmt: skip
+    return reference, np.cumsum(stops)[:-1] * SAMPLE_TIME
+
+
+def made_up(
+    reference: Reference, name: str, size: float, *, phase: float = 0.0, diverged: float | None = None,
+    estimate: bool = False, limit: float = 10.0, warnings: tuple[str, ...] = (), names: str = "XY",
+) -> Recording:  # fmt: skip
+    """Return a recording whose contour error is a sum of waves and bumps of about ``size`` metres."""
+    time, n_axes = np.asarray(reference.time), reference.n_axes
+    parameter = np.asarray(reference.parameter)
+    velocity = np.asarray(reference.velocity)
+    speed = np.linalg.norm(velocity, axis=1, keepdims=True)
+    tangent = np.where(speed > 1e-9, velocity / np.maximum(speed, 1e-9), np.eye(n_axes)[0])
+    normal = np.zeros_like(tangent)
+    normal[:, 0], normal[:, 1] = -tangent[:, 1], tangent[:, 0]
+    turning = np.linalg.norm(np.asarray(reference.acceleration), axis=1)
+    error = size * (
+        0.35 * np.sin(11 * time + phase)
+        + 0.25 * np.sin(37 * time + 2 * phase)
+        + 0.8 * turning / turning.max() * np.cos(5 * time + phase)
+    )
+    if diverged is not None:
+        error = error + size * 1e-3 * np.exp(np.minimum(18 * time / diverged, 40)) * np.sin(60 * time)
+    foot = np.asarray(reference.position)  # the lag is along the path and shows in tracking only
+    vector = error[:, None] * normal
+    tool = foot - vector
+    lagged = foot + 3.0 * size * tangent * speed / speed.max()
+    command = 4.0 * np.asarray(reference.acceleration) + 60.0 * velocity + 2e4 * vector
+    command = np.clip(command, -limit, limit)
+    data = {
+        "reference": (("time", "axis"), lagged, {"units": "m"}),
+        "actual": (("time", "axis"), tool, {"units": "m"}),
+        "measured": (("time", "axis"), tool, {"units": "m"}),
+        "tracking_error": (("time", "axis"), lagged - tool, {"units": "m"}),
+        "command": (("time", "axis"), command, {"units": "V", "kind": "voltage"}),
+        "command_limit": (("axis",), np.full(n_axes, limit), {"units": "V"}),
+        "tool": (("time", "coordinate"), tool, {"units": "m"}),
+        "contour_error": (
+            ("time",), error if n_axes == 2 else np.abs(error),
+            {"units": "m", "sign": "along the left normal", "kind": "local"},
+        ),
+        "contour_error_vector": (("time", "coordinate"), vector, {"units": "m"}),
+        "foot_parameter": (("time",), parameter),
+        "reference_parameter": (("time",), parameter),
+        "status": (("time",), np.zeros(len(time), np.int32), {"meaning": "normal"}),
+    }  # fmt: skip
+    if estimate:
+        data["contour_error_estimate"] = (("time", "coordinate"), vector * 1.05, {"units": "m"})
+    attrs = {
+        "contourlab": "0.1.0", "controller": name, "controller_class": name,
+        "configuration": f"{name}(\n  kp={1 / size:.4g},\n)", "machine": "Machine(\n  axes=('X', 'Y'),\n)",
+        "contour": "Path", "disturbances": "()", "sample_time": SAMPLE_TIME, "seed": 0,
+        "outcome": "normal",
+    }  # fmt: skip
+    warnings = list(warnings)
+    if diverged is not None:
+        keep = int(diverged / SAMPLE_TIME)
+        data = {
+            key: (dims, values[:keep] if dims[0] == "time" else values, *rest)
+            for key, (dims, values, *rest) in data.items()
+        }
+        time = time[:keep]
+        outcome = f"diverged at {diverged:.4g} s on axis Y"
+        attrs |= {"outcome": outcome, "diverged_at": diverged, "diverged_axis": "Y"}
+        warnings.append(f"the run {outcome}: it was stopped there and has no figures")
+    attrs["warnings"] = json.dumps(warnings)
+    labels = list(names[:n_axes])
+    coords = {"time": ("time", time, {"units": "s"}), "axis": labels, "coordinate": labels}
+    return Recording(xr.Dataset(data, coords=coords, attrs=attrs))
+
+
+def bracket_comparison(**changes) -> Comparison:
+    path = bracket_path()
+    reference, stops = travel(path, 0.05)
+    recordings = {
+        "axis_pid": made_up(reference, "axis_pid", 40e-6, limit=6.0,
+                            warnings=("command at its limit during 3.1 % of the samples",)),
+        "cross_coupled": made_up(reference, "cross_coupled", 11e-6, phase=1.0, estimate=True, limit=6.0),
+        "integral_sliding_mode": made_up(reference, "integral_sliding_mode", 20e-6, diverged=1.9, limit=6.0),
+    }  # fmt: skip
+    made = {
+        "recordings": recordings, "reference": reference, "machine": ball_screw_stage(),
+        "part": bracket_part(path), "stops": tuple(stops), "scenario": SCENARIO,
+        "title": "Bracket on the example machine",
+    }  # fmt: skip
+    return Comparison(**{**made, **changes})
+
+
+def circle_reference(duration: float = 1.0) -> Reference:
+    n = int(duration / SAMPLE_TIME)
+    parameter = np.linspace(0.0, 4 * np.pi, n)  # two laps
+    rate = np.full(n, parameter[1] / SAMPLE_TIME)
+    return Reference.along(
+        Circle(radius=0.02), sample_time=SAMPLE_TIME, parameter=parameter, parameter_rate=rate,
+        parameter_acceleration=np.zeros(n), parameter_jerk=np.zeros(n),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def comparison() -> Comparison:
+    return bracket_comparison()
