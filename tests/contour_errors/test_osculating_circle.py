@@ -20,7 +20,10 @@ def at(contour, parameter, position, geometry=None):
     """One sample with its reference point at a parameter."""
     sample = sample_at(make_samples(contour, 3, needs=ESTIMATOR.needs), 0)
     geometry = contour.derivatives(parameter, 2) if geometry is None else geometry
-    return dataclasses.replace(sample, geometry=geometry, position=jnp.asarray(position))
+    position = jnp.asarray(position)
+    return dataclasses.replace(
+        sample, geometry=geometry, position=position, velocity=jnp.zeros_like(position)
+    )
 
 
 def exact_circle(center, normal, radius, point):

@@ -1,4 +1,4 @@
-"""An independent judge: the foot point by dense sampling and scipy, straight from the definition."""
+"""An independent judge: the foot point by dense sampling and scipy, from the definition."""
 
 import jax
 import numpy as np
@@ -37,7 +37,7 @@ class Judge:
                 if b > a:
                     found = minimize_scalar(
                         lambda p: float(np.linalg.norm(np.asarray(self.position(p)) - q)),
-                        bounds=(a, b), method="bounded", options={"xatol": 1e-13 * max(1.0, abs(b))},
+                        bounds=(a, b), method="bounded", options={"xatol": 1e-13},
                     )  # fmt: skip
                     best = min(best, found.fun)
         return best

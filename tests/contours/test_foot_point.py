@@ -77,7 +77,7 @@ def bezier(rng, n, n_axes):
 def mixed(rng):
     first = bezier(rng, 1, 2)
     end = np.asarray(first.position(first.length))
-    return Path.join([first, Path.polyline([end, end + [0.3, 0.4], end + [0.9, 0.1]])])
+    return Path.join([first, Path.polyline(end + [[0, 0], [0.3, 0.4], [0.9, 0.1]])])
 
 
 MAKERS = {
@@ -108,9 +108,11 @@ def test_agrees_with_the_judge(name):
     near = rng.uniform(start - laps, end + laps, 24)
     reference = np.asarray(jax.jit(jax.vmap(contour.position))(near))
     points = reference + rng.normal(size=reference.shape) * 10 ** rng.uniform(-4, 0.3, (24, 1))
+    local = [other.near(*x) for x in zip(points, near, strict=True)]
+    everywhere = [other.everywhere(q) for q in points]
     for foot, distance in (
-        (foot_point(contour, points, near), [other.near(*x) for x in zip(points, near, strict=True)]),
-        (foot_point(contour, points), [other.everywhere(q) for q in points]),
+        (foot_point(contour, points, near), local),
+        (foot_point(contour, points), everywhere),
     ):
         assert_allclose(norms(foot), distance, rtol=0, atol=JUDGED)
         # the judge minimises from above: nowhere may it be nearer by more than rounding
@@ -177,7 +179,9 @@ def test_whole_turn_in_one_arc():
     angle = np.linspace(0.1, 6.1, 7)
     points = 1.3 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     assert_allclose(foot_point(circle, points, near=angle).parameter, angle, atol=ROUNDING)
-    assert_allclose(foot_point(circle, points, near=0 * angle).distance, 0.3, atol=ROUNDING)
+    # from its start all of it is in the ball, unless the point is near the start
+    middle = points[1:-1]
+    assert_allclose(norms(foot_point(circle, middle, near=np.zeros(5))), 0.3, atol=ROUNDING)
 
 
 def test_crossing_keeps_its_branch():
@@ -283,25 +287,28 @@ def test_gradient_against_differences(point, near):
     arc = Path.from_helical([[1.0, 1]], [[-1.0, 0]], [[0, -1.0]], [[0, 0]], [1.0], [3.0])
     path = Path.join([Path.polyline([[0, 0], [1, 0], [1, 1]]), arc])
 
+    @jax.jit
     def values(q):
         foot = local_foot(path, q, near, 0)
         return jnp.concatenate([foot.vector, foot.position, jnp.stack([foot.distance])])
 
     q, step = jnp.array(point), 1e-6
-    slope = jax.jacrev(values)(q)
+    slope = jax.jit(jax.jacrev(values))(q)
     differences = [(values(q + step * d) - values(q - step * d)) / (2 * step) for d in np.eye(2)]
     assert_allclose(slope, np.stack(differences, axis=1), rtol=0, atol=1e-8)
-    assert_allclose(jax.jacfwd(values)(q), slope, rtol=0, atol=ROUNDING)
+    assert_allclose(jax.jit(jax.jacfwd(values))(q), slope, rtol=0, atol=ROUNDING)
 
 
 def test_gradient_over_the_shape_of_an_ellipse():
+    @jax.jit
     def distance(size):
         ellipse = Ellipse(semi_axes=size)
         return local_foot(ellipse, jnp.array([0.8, 0.35]), 0.5).distance
 
     size, step = jnp.array([1.0, 0.5]), 1e-6
     slope = jax.grad(distance)(size)
-    differences = [(distance(size + step * d) - distance(size - step * d)) / 2e-6 for d in np.eye(2)]
+    ways = step * np.eye(2)
+    differences = [(distance(size + d) - distance(size - d)) / (2 * step) for d in ways]
     assert_allclose(slope, differences, rtol=0, atol=1e-8)
 
 
@@ -309,7 +316,9 @@ def test_many_chunks_are_the_same_as_one():
     rng = np.random.default_rng(2)
     path = arcs(rng, 300, 2)
     near = rng.uniform(0, float(path.length), 70_000)
-    points = np.asarray(jax.vmap(path.position)(near)) + 0.05 * rng.normal(size=(70_000, 2))
+    points = np.asarray(jax.jit(jax.vmap(path.position))(near)) + 0.05 * rng.normal(
+        size=(70_000, 2)
+    )
     whole, some = foot_point(path, points, near), foot_point(path, points[-500:], near[-500:])
     assert_allclose(whole.parameter[-500:], some.parameter, atol=ROUNDING)
     everywhere = foot_point(path, points[-500:])

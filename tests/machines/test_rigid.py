@@ -153,9 +153,10 @@ def test_energy_never_grows_without_input(substeps, smoothing):
     m = machine(mass=(5.0, 0.5), viscous=(1.0, 0.0), friction=friction, substeps=substeps)
     _, v = run(m, np.zeros((300, 2)), velocity=jnp.array((0.1, -0.05)))
     speed = np.abs(v)
-    assert np.all(np.diff(speed, axis=0) <= 0.0)
+    rounding = 1e-16  # of 0.1 m/s
+    assert np.all(np.diff(speed, axis=0) <= rounding)
     assert np.all(speed[-1] < 1e-6)  # 0.1 m/s ends after 100 ms at 1 m/s²: it has stopped
-    assert np.all(v * np.sign(v[0]) >= 0.0), "an axis that stops must not swing through"
+    assert np.all(v * np.sign(v[0]) >= -rounding), "an axis that stops must not swing through"
 
 
 @pytest.mark.parametrize("substeps", [1, 10])

@@ -43,6 +43,7 @@ def run(m, commands, **start):
     return np.array(q), np.array(v)
 
 
+@pytest.mark.filterwarnings("ignore::scipy.signal.BadCoefficients")
 def test_axes_of_different_order_agree_with_scipy():
     functions = (RESONANT, FIRST, ZERO)
     u = np.sin(np.arange(120) / 7.0)
@@ -106,7 +107,9 @@ def test_start_in_motion_is_steady():
 def test_without_integrator_rest_needs_a_command():
     """A position servo stands still under the command that holds it, from a delay too."""
     servo = ((100.0,), (1.0, 20.0, 100.0))
-    q, v = run(machine(servo, FIRST, delay=3 * T), [(0.2, 0.1)] * 10, position=jnp.array((0.2, 0.2)))
+    q, v = run(
+        machine(servo, FIRST, delay=3 * T), [(0.2, 0.1)] * 10, position=jnp.array((0.2, 0.2))
+    )
     assert_allclose(q, np.full((10, 2), 0.2), rtol=1e-12)
     assert_allclose(v, np.zeros((10, 2)), atol=1e-12)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 from types import MappingProxyType
 
 import numpy as np
@@ -42,7 +43,8 @@ def bracket_path() -> Path:
     pieces = [  # start, end, centre, source line
         ((0, 0), (60, 0), None, 7), ((60, 0), (70, 10), (60, 10), 8),
         ((70, 10), (70, 40), None, 9), ((70, 40), (40, 40), None, 10),
-        ((40, 40), (30, 30), (30, 40), 11), ((30, 30), (0, 30), None, 12), ((0, 30), (0, 0), None, 13),
+        ((40, 40), (30, 30), (30, 40), 11), ((30, 30), (0, 30), None, 12),
+        ((0, 30), (0, 0), None, 13),
     ]  # fmt: skip
     start, tangent, normal, rate, length, line = [], [], [], [], [], []
     for a, b, c, number in pieces:
@@ -56,7 +58,9 @@ def bracket_path() -> Path:
             left = np.array([-out[1], out[0]]) / radius
             turn = 1.0 if number == 8 else -1.0
             u, v, k, size = left * turn, -out / radius, 1 / radius, radius * np.pi / 2
-        for held, value in zip((start, tangent, normal, rate, length, line), (a, u, v, k, size, number), strict=True):
+        for held, value in zip(
+            (start, tangent, normal, rate, length, line), (a, u, v, k, size, number), strict=True
+        ):
             held.append(value)
     return Path.from_helical(start, tangent, normal, np.zeros_like(start), rate, length, line)
 
@@ -75,7 +79,7 @@ def travel(path: Path, feed: float) -> tuple[Reference, np.ndarray]:
     breaks = np.asarray(path.breaks)
     sharp = [*breaks[[0, 3, 4, 6, 7]]] if len(breaks) == 8 else [0.0, breaks[-1]]
     parameter, stops = [], []
-    for a, b in zip(sharp[:-1], sharp[1:], strict=True):
+    for a, b in pairwise(sharp):
         n = int(np.ceil(1.5 * (b - a) / feed / SAMPLE_TIME))
         x = np.linspace(0.0, 1.0, n, endpoint=False)
         parameter.append(a + (b - a) * (x - np.sin(2 * np.pi * x) / (2 * np.pi)))
@@ -91,10 +95,11 @@ def travel(path: Path, feed: float) -> tuple[Reference, np.ndarray]:
 
 
 def made_up(
-    reference: Reference, name: str, size: float, *, phase: float = 0.0, diverged: float | None = None,
-    estimate: bool = False, limit: float = 10.0, warnings: tuple[str, ...] = (), names: str = "XY",
+    reference: Reference, name: str, size: float, *, phase: float = 0.0,
+    diverged: float | None = None, estimate: bool = False, limit: float = 10.0,
+    warnings: tuple[str, ...] = (), names: str = "XY",
 ) -> Recording:  # fmt: skip
-    """Return a recording whose contour error is a sum of waves and bumps of about ``size`` metres."""
+    """Return a recording whose contour error is waves and bumps of about ``size`` metres."""
     time, n_axes = np.asarray(reference.time), reference.n_axes
     parameter = np.asarray(reference.parameter)
     velocity = np.asarray(reference.velocity)
@@ -109,7 +114,8 @@ def made_up(
         + 0.8 * turning / turning.max() * np.cos(5 * time + phase)
     )
     if diverged is not None:
-        error = error + size * 1e-3 * np.exp(np.minimum(18 * time / diverged, 40)) * np.sin(60 * time)
+        growth = np.exp(np.minimum(18 * time / diverged, 40))
+        error = error + size * 1e-3 * growth * np.sin(60 * time)
     foot = np.asarray(reference.position)  # the lag is along the path and shows in tracking only
     vector = error[:, None] * normal
     tool = foot - vector
@@ -137,7 +143,8 @@ def made_up(
         data["contour_error_estimate"] = (("time", "coordinate"), vector * 1.05, {"units": "m"})
     attrs = {
         "contourlab": "0.1.0", "controller": name, "controller_class": name,
-        "configuration": f"{name}(\n  kp={1 / size:.4g},\n)", "machine": "Machine(\n  axes=('X', 'Y'),\n)",
+        "configuration": f"{name}(\n  kp={1 / size:.4g},\n)",
+        "machine": "Machine(\n  axes=('X', 'Y'),\n)",
         "contour": "Path", "disturbances": "()", "sample_time": SAMPLE_TIME, "seed": 0,
         "outcome": "normal",
     }  # fmt: skip
@@ -161,12 +168,15 @@ def made_up(
 def bracket_comparison(**changes) -> Comparison:
     path = bracket_path()
     reference, stops = travel(path, 0.05)
+    own = {
+        "axis_pid": (40e-6, {"warnings": ("saturated during 3.1 % of the samples",)}),
+        "cross_coupled": (11e-6, {"phase": 1.0, "estimate": True}),
+        "integral_sliding_mode": (20e-6, {"diverged": 1.9}),
+    }
     recordings = {
-        "axis_pid": made_up(reference, "axis_pid", 40e-6, limit=6.0,
-                            warnings=("command at its limit during 3.1 % of the samples",)),
-        "cross_coupled": made_up(reference, "cross_coupled", 11e-6, phase=1.0, estimate=True, limit=6.0),
-        "integral_sliding_mode": made_up(reference, "integral_sliding_mode", 20e-6, diverged=1.9, limit=6.0),
-    }  # fmt: skip
+        name: made_up(reference, name, size, limit=6.0, **more)
+        for name, (size, more) in own.items()
+    }
     made = {
         "recordings": recordings, "reference": reference, "machine": ball_screw_stage(),
         "part": bracket_part(path), "stops": tuple(stops), "scenario": SCENARIO,

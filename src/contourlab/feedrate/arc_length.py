@@ -158,12 +158,13 @@ class ArcLength:
 
     def _speed(self, parameter: Values) -> Values:
         flat = _in_chunks(_first, self.contour, parameter.reshape(-1))
-        return np.linalg.norm(flat, axis=1).reshape(parameter.shape)  # type: ignore[no-any-return]
+        speed: Values = np.linalg.norm(flat, axis=1).reshape(parameter.shape)
+        return speed
 
     def _between(self, a: Values, b: Values) -> Values:
         half = 0.5 * (b - a)
         nodes = 0.5 * (a + b)[:, None] + half[:, None] * _NODES
-        return half * (self._speed(nodes) @ _WEIGHTS)  # type: ignore[no-any-return]
+        return np.asarray(half * (self._speed(nodes) @ _WEIGHTS))
 
     def _tabulate(self) -> None:
         edges = np.linspace(self.start, self.end, _FIRST_PANELS + 1)
@@ -225,7 +226,8 @@ class ArcLength:
             raise FeedError(
                 f"arc length could not be inverted: off by {worst:.3g} m of {self.length:.6g} m"
             )
-        return p + turns * (self.end - self.start)
+        result: Values = p + turns * (self.end - self.start)
+        return result
 
     def time_derivatives(
         self, arc: Values, speed: Values, acceleration: Values, jerk: Values

@@ -7,8 +7,8 @@ With the speed v, the tangential acceleration a and its rate j, an axis moves by
     jerk           r''' v³ + 3 r'' v a + r' j.
 
 A place gets a cap V on the speed first, which leaves a share of the acceleration and of the jerk
-to the tangential motion, and then a cap on |a| that holds for every v <= V. Where |j| <= |a|max / T,
-as the smoothing of :mod:`contourlab.feedrate.smoothing` gives it, the jerk limits |a| too:
+to the tangential motion, and then a cap on |a| that holds for every v <= V. The smoothing of
+:mod:`contourlab.feedrate.smoothing` gives |j| <= |a|max / T, so the jerk limits |a| too:
 
     |a| <= (J - |r'''| V³) / (|r'| / T + 3 |r''| V).
 

@@ -8,8 +8,8 @@ window: the smoothed speed is D / T. If the planned speed at each x is at most
     max(c, 2 |x| / T),
 
 then D <= c T, and the smoothed speed keeps the cap. For let x run from -p to q. If p and q are at
-most c T / 2, D <= c T. If both are more, the way between takes more than T: there is no such window.
-If q > c T / 2 >= p: from its zero at τ₀ the way to q takes at least T/2 (1 + log(2 q / (c T))), so
+most c T / 2, D <= c T. If both are more, the way between takes more than T: no window has that. If
+q > c T / 2 >= p: from its zero at τ₀ the way to q takes at least T/2 (1 + log(2 q / (c T))), so
 τ₀ < T/2. Up to there the integral of |x| is at most c τ₀² / 2 < c T² / 8, being no faster than c.
 After it the integral is at least that of the fastest motion that ends in q, which is more than
 c T² / 8. The mean would not be 0. The other case is its mirror image.
@@ -159,8 +159,8 @@ def spread_speed(
         lows.append(np.minimum(a, np.maximum(left, cells.first[cells.stretch[k]])))
         highs.append(np.maximum(b, k + 1))
         values.append(place_cap)
-    ranges = (np.concatenate(each) for each in (lows, highs, values))
-    flat = _least_over(*ranges, len(cap))
+    low, high = np.concatenate(lows), np.concatenate(highs)
+    flat = _least_over(low, high, np.concatenate(values), len(cap))
     rise = 2.0 * np.diff(cells.edges) / window
     forward = _cone(flat, rise, cells.first)
     backward = _cone(flat[::-1], rise[::-1], len(cap) - cells.first[::-1])[::-1]
@@ -258,4 +258,4 @@ def affected(own: Values, spread: Values) -> Values:
     own, spread
         Caps before and after spreading, shape (n,).
     """
-    return spread < _AFFECTED * own  # type: ignore[no-any-return]
+    return spread < _AFFECTED * own

@@ -49,9 +49,10 @@ def new_figure(width: float, height: float) -> Figure:
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    figure = Figure(figsize=(width, height), layout="constrained", facecolor="white")
-    figure.get_layout_engine().set(w_pad=0.12, h_pad=0.1)
+    layout = ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.1)
+    figure = Figure(figsize=(width, height), layout=layout, facecolor="white")
     FigureCanvasAgg(figure)
     return figure
 
@@ -109,40 +110,49 @@ def draw_path(axes: Any, drawing: Drawing) -> None:
         axes.plot(*(drawing.stops.position[:, :2].T * 1e3), ls="", marker="s", ms=5.5,
                   mfc="none", mec=INK, mew=1.1, zorder=5)  # fmt: skip
     framed = drawing.framed
-    _frame(axes, [run.drawn(drawing.magnification)[:, :shown] * 1e3 for run in framed])
     for run in drawing.worst_first:
         drawn = run.drawn(drawing.magnification)[:, :shown] * 1e3
         kept = np.union1d(
             shape_rows(run.foot, CURVE_POINTS // 2),
             kept_rows(len(drawn), CURVE_POINTS // 2, [run.error]),
         )
-        lost = run.diverged
-        axes.plot(*drawn[kept].T, color=run.look.light, ls=run.look.line_style,
-                  lw=0.9 if lost else 1.3, alpha=0.75 if lost else 1.0, zorder=3)  # fmt: skip
-        if lost:
+        axes.plot(*drawn[kept].T, color=run.look.light, ls=run.look.line_style, zorder=3,
+                  **_weight(drawing, run, 1.3))  # fmt: skip
+        if run.diverged:
             draw_diverged(axes, run, drawn[-1])
         elif run.worst is not None and run in framed:
             axes.plot(*drawn[[run.worst]].T, ls="", marker=run.look.marker, ms=7,
                       color=run.look.light, mec="white", mew=1.0, zorder=6)  # fmt: skip
-    names = [literal(name) for name in drawing.coordinates]
-    axes.set_xlabel(f"{names[0]} [mm]", color=MUTED)
-    axes.set_ylabel(f"{names[1]} [mm]", color=MUTED)
+    curves = [run.drawn(drawing.magnification)[:, :shown] * 1e3 for run in framed]
+    _frame(axes, np.concatenate([drawing.path[:, :shown] * 1e3, *curves]))
+    for which, name in zip("xyz", drawing.coordinates[:shown], strict=False):
+        axes.set(**{f"{which}label": f"{literal(name)} [mm]"})
+        getattr(axes, f"{which}axis").label.set_color(MUTED)
     if shown == 3:
-        axes.set_zlabel(f"{names[2]} [mm]", color=MUTED)
-        axes.set_aspect("equal")
         axes.tick_params(colors=MUTED, labelsize=8)
     else:
         bare(axes)
+
+
+def _weight(drawing: Drawing, run: Run, width: float) -> dict[str, Any]:
+    """Return how heavy a run's line is: thin if it diverged, pale if it leaves the picture."""
+    if run not in drawing.framed:
+        return {"lw": 0.6 * width, "alpha": 0.35}
+    return {"lw": 0.7 * width, "alpha": 0.8} if run.diverged else {"lw": width, "alpha": 1.0}
+
+
+def _frame(axes: Any, points: Any) -> None:
+    """Let the axes show these points and no more, at equal scales."""
+    from matplotlib.transforms import Bbox
+
+    low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
+    if len(low) == 3:
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+        axes.set_aspect("equal")
+    else:
         axes.set_aspect("equal", adjustable="datalim")
-
-
-def _frame(axes: Any, curves: list[Any]) -> None:
-    """Fix what the axes show to what is drawn so far and some more curves."""
-    for curve in curves:
-        low, high = np.nanmin(curve, axis=0), np.nanmax(curve, axis=0)
-        axes.plot(*np.stack([low, high]).T, ls="", marker="")
-    axes.autoscale_view()
-    axes.autoscale(False)
+        axes.dataLim = Bbox([low, high])
+        axes.autoscale_view()
 
 
 def draw_diverged(axes: Any, run: Run, point: Any) -> None:
@@ -193,8 +203,8 @@ def draw_error(
     for run in drawing.worst_first:
         x, y = getattr(run, over) * scale, run.error * 1e6
         kept = kept_rows(len(y), CURVE_POINTS, [run.error])
-        axes.plot(x[kept], y[kept], color=run.look.light, ls=run.look.line_style,
-                  lw=0.8 if run.diverged else 1.0, zorder=3)  # fmt: skip
+        axes.plot(x[kept], y[kept], color=run.look.light, ls=run.look.line_style, zorder=3,
+                  **_weight(drawing, run, 1.0))  # fmt: skip
         if run.diverged:
             draw_diverged(axes, run, (x[-1], y[-1]))
         elif run.worst is not None and run in framed:
@@ -243,7 +253,8 @@ def legend_below(figure: Figure, drawing: Drawing, *, worst: bool) -> None:
             words += f": {size} µm at worst, {drawing.where(run, run.worst)}"
             words += "" if run in drawing.framed else "; leaves the picture"
         marker = "X" if run.diverged else run.look.marker if worst else ""
-        handles.append(Line2D([], [], color=run.look.light, ls=run.look.line_style, lw=2.2,
-                              marker=marker, ms=6, mec=run.look.light, label=" " + literal(words)))  # fmt: skip
+        colour, label = run.look.light, " " + literal(words)  # a bare "_" would hide the entry
+        handles.append(Line2D([], [], color=colour, ls=run.look.line_style, lw=2.2,
+                              marker=marker, ms=6, mec=colour, label=label))  # fmt: skip
     figure.legend(handles=handles, loc="outside lower left", frameon=False, fontsize=9.5,
                   ncols=1 if worst else min(len(handles), 3), labelcolor=INK)  # fmt: skip

@@ -64,7 +64,8 @@ def closeup(drawing: Drawing, run: Run) -> Closeup | None:
     around = run.distance[run.worst] + np.linspace(-3.0 * half, 3.0 * half, 601)
     parameters = np.asarray(drawing.parameter(around))
     if not contour.closed:
-        parameters = np.clip(parameters, *(float(bound) for bound in contour.domain))
+        start, end = contour.domain
+        parameters = np.clip(parameters, float(start), float(end))
     breaks = np.asarray(getattr(contour, "breaks", np.zeros(0)), float)
     inside = breaks[(breaks > parameters[0]) & (breaks < parameters[-1])]
     parameters = np.unique(np.concatenate([parameters, inside[:TRACK_POINTS]]))

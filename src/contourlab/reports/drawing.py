@@ -86,7 +86,7 @@ class Run:
         factor
             1 is true scale.
         """
-        return self.foot - factor * self.vector  # type: ignore[no-any-return]
+        return self.foot - factor * self.vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,7 +249,7 @@ def contour_points(contour: Contour, parameters: Any) -> Float[np.ndarray, "n n_
 def _points() -> Callable[..., Any]:
     import jax
 
-    return jax.jit(lambda contour, p: jax.vmap(contour.position)(p))  # type: ignore[no-any-return]
+    return jax.jit(lambda contour, p: jax.vmap(contour.position)(p))
 
 
 def _parameters(contour: Contour, used: np.ndarray) -> np.ndarray:
@@ -262,11 +262,13 @@ def _parameters(contour: Contour, used: np.ndarray) -> np.ndarray:
         high = low + end - start
     breaks = np.asarray(getattr(contour, "breaks", np.zeros(0)), float)
     if contour.closed and len(breaks):
-        laps = np.arange(math.floor((low - start) / (end - start)), 2 + (high - start) // (end - start))
+        laps = np.arange(
+            math.floor((low - start) / (end - start)), 2 + (high - start) // (end - start)
+        )
         breaks = (breaks + laps[:, None] * (end - start)).ravel()
     inner = breaks[(breaks > low) & (breaks < high)]
     even = np.linspace(low, high, max(4001, min(PATH_POINTS, len(used))))
-    return np.unique(np.concatenate([even, inner]))  # type: ignore[no-any-return]
+    return np.unique(np.concatenate([even, inner]))
 
 
 def _distances(

@@ -92,6 +92,7 @@ def write_figures(
 def _path_figure(drawing: Drawing) -> Figure:
     box = np.ptp(drawing.path[:, :2], axis=0)
     height = float(np.clip(8.6 * box[1] / max(box[0], 1e-12), 3.0, 8.0))
+    height = height if drawing.shown == 2 else 6.5
     figure = new_figure(9.6, height + 1.3 + 0.24 * len(drawing.runs))
     axes = figure.add_subplot(projection="3d") if drawing.shown == 3 else figure.add_subplot()
     draw_path(axes, drawing)
@@ -173,7 +174,8 @@ def _summary_figure(drawing: Drawing) -> Figure:
     n_lines = -(-len(sentence) // 106)
     sentence = "\n".join(textwrap.wrap(sentence, len(sentence) // n_lines + 8))
     figure.suptitle(literal(sentence), x=0.01, ha="left", fontsize=13, weight="bold", color=INK)
-    left, right = figure.subfigures(1, 2, width_ratios=(1.45, 1.0), wspace=0.02)
+    halves: Any = figure.subfigures(1, 2, width_ratios=(1.45, 1.0), wspace=0.02)
+    left, right = halves
     axes = left.add_subplot(projection="3d") if drawing.shown == 3 else left.add_subplot()
     draw_path(axes, drawing)
     axes.set_title(_path_title(drawing), loc="left", fontsize=10, color=MUTED)

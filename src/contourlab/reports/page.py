@@ -101,7 +101,7 @@ def _page(drawing: Drawing) -> str:
         planar=drawing.shown == 2,
         signed=drawing.signed,
         projection=drawing.projection,
-        unlocated=comparison.part is None,
+        unlocated=not any(run.line.any() for run in drawing.runs),
         stops=len(drawing.stops.time),
         stops_drawn=len(drawing.stops.time) <= SHOWN_STOPS,
         has_commands=any("command" in run.recording.dataset for run in drawing.runs),

@@ -13,7 +13,7 @@ import pydantic
 from contourlab.contours.base import Contour
 from contourlab.contours.part import Part
 from contourlab.controllers.base import Controller
-from contourlab.errors import ContourlabError, ScenarioError, UnitError, choices
+from contourlab.errors import ContourlabError, ScenarioError, TravelError, UnitError, choices
 from contourlab.feedrate import constant_feed, constant_rate, plan_feed
 from contourlab.machines import Disturbance, Machine
 from contourlab.recordings.reference import Reference
@@ -23,6 +23,7 @@ from contourlab.scenarios.machine import build_machine
 from contourlab.scenarios.schema import FeedSection, PartSection, ScenarioSections
 from contourlab.scenarios.values import KeyedError, make
 from contourlab.simulation.comparison import Comparison, compare
+from contourlab.simulation.run import check_loop
 
 __all__ = ["Scenario", "read_scenario", "read_scenario_text"]
 
@@ -158,6 +159,14 @@ def _build(sections: ScenarioSections, text: str, name: str, folder: FilePath) -
     reference, stops = _reference(
         sections.feed, contour if part is None else part, machine, sections.simulation.sample_time
     )
+    for k, controller in enumerate(controllers.values()):
+        try:
+            check_loop(machine, controller, reference)
+            controller.bind(reference.contour, reference.sample_time)
+        except TravelError:
+            raise
+        except ContourlabError as error:
+            raise KeyedError(("controller", k), str(error)) from error
     return Scenario(
         machine, controllers, reference, disturbances, sections.simulation.seed, part, stops,
         sections.report.title, sections.report.magnification, text, name,

@@ -165,7 +165,9 @@ def check_traced(law: Any, samples: Sample) -> None:
         Stacked.
     """
     short = jax.tree.map(lambda x: x[:UNTRACED_STEPS], samples)
-    traced = outputs(law, short)
+    traced = np.asarray(outputs(law, short))
+    name = type(law).__name__
+    assert np.all(np.isfinite(traced)), f"{name} gives a number that is not finite"
     with jax.disable_jit():
         state, untraced = law.init(sample_at(short, 0)), []
         for k in range(UNTRACED_STEPS):
@@ -175,7 +177,7 @@ def check_traced(law: Any, samples: Sample) -> None:
     # fused multiply-adds and another order of sums: some rounding, amplified by differences
     np.testing.assert_allclose(
         traced, np.stack(untraced), rtol=0.0, atol=1e-9 * scale,
-        err_msg=f"{type(law).__name__} differs when traced",
+        err_msg=f"{name} differs when traced",
     )  # fmt: skip
 
 

@@ -34,7 +34,7 @@ def arc_foot(rate: Array, vectors: Any, q: Array) -> Array:
     x, y = d @ tangent, d @ normal
     line = rate == 0.0
     safe = jnp.where(line, 1.0, rate)
-    return jnp.where(line, x, jnp.arctan2(safe * x, 1.0 - safe * y) / safe)  # type: ignore[no-any-return]
+    return jnp.where(line, x, jnp.arctan2(safe * x, 1.0 - safe * y) / safe)
 
 
 def nearest_on_arc(rate: Array, vectors: Any, q: Array, low: Array, high: Array) -> Array:

@@ -176,6 +176,17 @@ class Cells(eqx.Module):
 
 
 def placed(contour: Contour, parameter: Array, row: Array) -> tuple[Array, Array, Array]:
+    """Return the row given, how far into the domain a parameter is, and its lap.
+
+    Parameters
+    ----------
+    contour
+        Whose domain it is.
+    parameter
+        Clipped if the contour is open, wrapped if it is closed.
+    row
+        Handed on.
+    """
     start, end = (jnp.asarray(edge, float) for edge in contour.domain)
     inside = contour.wrap(parameter)
     lap = jnp.zeros((), jnp.int32)

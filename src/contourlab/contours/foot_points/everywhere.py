@@ -2,10 +2,10 @@
 
 The cells are cut into *fragments* of about equal length, each inside a ball about its middle. A k-d
 tree of the middles gives every point its nearest fragments; those whose ball could hold a nearer
-point are solved exactly. A point is done when the nearest fragment that was not asked for is too far
-to matter, whatever its size: |q - middle| - largest radius >= distance found. Until then more are
-asked for. On lines, arcs and helices the radii are exact (half the arc length); on Bézier pieces and
-formulas they are sampled, with 10 % added.
+point are solved exactly. A point is done when the nearest fragment that was not asked for is too
+far to matter, whatever its size: |q - middle| - largest radius >= distance found. Until then more
+are asked for. On lines, arcs and helices the radii are exact (half the arc length); on Bézier
+pieces and formulas they are sampled, with 10 % added.
 """
 
 from __future__ import annotations
@@ -154,7 +154,7 @@ def _within(fragments: Fragments, first: Values, index: Values, reach: Values) -
     edges = np.concatenate([[0.0], np.cumsum(2.0 * fragments.radius)])
     middle = 0.5 * (edges[1:] + edges[:-1])
     away = np.abs(middle[index] - middle[first][:, None]) + fragments.radius[index]
-    return away <= reach[:, None]
+    return np.asarray(away <= reach[:, None])
 
 
 def _solve(

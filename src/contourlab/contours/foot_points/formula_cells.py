@@ -31,34 +31,47 @@ class FormulaCells(Cells):
 
     @property
     def n_rows(self) -> int:
+        """Number of rows."""
         return 1
 
     @property
     def closed_form(self) -> bool:
+        """Whether every row is a line or a planar arc."""
         return False
 
     @property
     def any_simple(self) -> bool:
+        """Whether some row may be a line or a planar arc."""
         return False
 
     @property
     def by_length(self) -> bool:
+        """Whether the parameter of every row is arc length."""
         return False
 
     @property
     def straight(self) -> bool:
+        """Whether every row is a line."""
         return False
 
     def total(self) -> Array:
+        """Return the number of cells."""
         return jnp.asarray(FORMULA_CELLS, jnp.int32)
 
     def place(self, parameter: Array, piece: Array | None) -> tuple[Array, Array, Array]:
+        """Return row, the row's own parameter and lap of a parameter."""
         return placed(self.contour, parameter, jnp.zeros((), jnp.int32))
 
     def right_side(self, row: Array, s: Array, lap: Array) -> tuple[Array, Array, Array]:
+        """Return the start of the next row for the end of this one."""
         return row, s, lap
 
     def quick(self, q: Array, s: Array) -> tuple[Array, Array, Array]:
+        """Return a cheap nearest parameter, its squared distance, and whether it is certain.
+
+        By Newton's method from the reference point; certain where the error is below the cell's
+        safe one (see :func:`safe_errors`), so that there is one minimum, and the steps died out.
+        """
         extent = self.extent(jnp.zeros((), jnp.int32))
         row = jnp.zeros((), jnp.int32)
         r = self.curve(row, s, 2)
@@ -87,22 +100,28 @@ class FormulaCells(Cells):
         return jnp.asarray(self.safe_error)[self.find(jnp.zeros((), jnp.int32), s)]
 
     def parts(self, row: Array) -> Array:
+        """Return the number of cells of a row."""
         return jnp.full_like(row, FORMULA_CELLS)
 
     def extent(self, row: Array) -> Array:
+        """Return the row's own parameter at its end."""
         start, end = self.contour.domain
         return jnp.asarray(end, float) - start
 
     def parameter(self, row: Array, s: Array, lap: Array) -> Array:
+        """Return the contour's parameter of a place."""
         return self.contour.domain[0] + s + lap * self.extent(row)
 
     def simple_point(self, row: Array, s: Array) -> Array:
+        """Return the point of a line or a planar arc."""
         return self.curve(row, s, 0)[0]  # type: ignore[no-any-return]
 
     def curve(self, row: Array, s: Array, order: int) -> Array:
+        """Return point and derivatives over the row's own parameter."""
         return self.contour.derivatives(self.contour.domain[0] + s, order, row)
 
     def arc(self, row: Array) -> tuple[Array, Array, Any]:
+        """Return whether the row is simple, its angle rate, and origin, tangent and normal."""
         zero = jnp.zeros(self.contour.n_axes)
         return row < 0, jnp.zeros(()), (zero, zero, zero)
 

@@ -116,7 +116,8 @@ def local_foot(
     fixed, q, at = jax.lax.stop_gradient(
         (cells, jnp.asarray(point, float), jnp.asarray(near, float))
     )
-    row, s, lap = fixed.place(at, piece)
+    hint = None if piece is None else jnp.asarray(piece, jnp.int32)
+    row, s, lap = fixed.place(at, hint)
     foot = search(fixed, q, row, s, lap)
     return finish(cells, jnp.asarray(point, float), foot)
 
@@ -270,7 +271,7 @@ def finish(cells: Cells, point: AxisVector, foot: Foot) -> FootPoint:
             inside & (speed > 0.0), across / jnp.where(speed > 0.0, speed, 1.0), whole
         )
     values = FootPoint(cells.parameter(row, s, lap), foot_position, vector, distance)
-    return jax.tree.map(lambda x: jnp.where(known, x, jnp.nan), values)
+    return FootPoint(*(jnp.where(known, x, jnp.nan) for x in values))
 
 
 def _cut(
@@ -286,7 +287,7 @@ def _cut(
 
 def _better(foot: Foot, new: Foot) -> Foot:
     closer = new.squared < foot.squared
-    return jax.tree.map(lambda a, b: jnp.where(closer, a, b), new, foot)
+    return Foot(*(jnp.where(closer, *pair) for pair in zip(new, foot, strict=True)))
 
 
 def _advance(cells: Cells, walker: Walker, centre: Array, reach: Array, over: Array) -> Walker:

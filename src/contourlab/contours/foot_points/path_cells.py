@@ -39,28 +39,35 @@ class PathCells(Cells):
 
     @property
     def n_rows(self) -> int:
+        """Number of rows."""
         return self.contour.n_pieces
 
     @property
     def closed_form(self) -> bool:
+        """Whether every row is a line or a planar arc."""
         return not (self.has_helices or self.has_beziers)
 
     @property
     def any_simple(self) -> bool:
+        """Whether some row may be a line or a planar arc."""
         return self.has_lines or self.has_arcs
 
     @property
     def by_length(self) -> bool:
+        """Whether the parameter of every row is arc length."""
         return not self.has_beziers
 
     @property
     def straight(self) -> bool:
+        """Whether every row is a line."""
         return self.closed_form and not self.has_arcs
 
     def total(self) -> Array:
+        """Return the number of cells."""
         return self.n_cells
 
     def place(self, parameter: Array, piece: Array | None) -> tuple[Array, Array, Array]:
+        """Return row, the row's own parameter and lap of a parameter."""
         path = self.contour
         row = path.find(parameter) if piece is None else path.locate(parameter, piece)
         row, s, lap = placed(path, parameter, jnp.asarray(row, jnp.int32))
@@ -73,6 +80,7 @@ class PathCells(Cells):
         return row, s, lap
 
     def parameter(self, row: Array, s: Array, lap: Array) -> Array:
+        """Return the contour's parameter of a place."""
         path = self.contour
         breaks = jnp.asarray(path.breaks)
         length = breaks[row + 1] - breaks[row]
@@ -93,6 +101,7 @@ class PathCells(Cells):
         return jnp.clip(s - off * speed(u), 0.0, length)
 
     def right_side(self, row: Array, s: Array, lap: Array) -> tuple[Array, Array, Array]:
+        """Return the start of the next row for the end of this one."""
         over = s >= self.extent(row)
         last = row + 1 >= self.n_rows
         over = over & (self.contour.closed | ~last)
@@ -101,9 +110,11 @@ class PathCells(Cells):
         return new, jnp.where(over, 0.0, s), lap
 
     def quick(self, q: Array, s: Array) -> tuple[Array, Array, Array]:
+        """Return that there is no quicker way than the walk itself."""
         return s, jnp.full_like(s, jnp.inf), jnp.zeros((), bool)
 
     def parts(self, row: Array) -> Array:
+        """Return the number of cells of a row."""
         parts = jnp.ones_like(row)
         if self.has_helices:
             turn = jnp.abs(self._rate(row)) * self.extent(row)
@@ -114,6 +125,7 @@ class PathCells(Cells):
         return parts
 
     def joint(self, row: Array, part: Array, sign: Array) -> Array:
+        """Return the point where a cell ends."""
         if not self.closed_form:
             return super().joint(row, part, sign)
         # past the end of an open path nothing is walked, and a closed one begins again
@@ -121,11 +133,13 @@ class PathCells(Cells):
         return jnp.asarray(self.contour.origin)[jnp.where(sign > 0, after, row)]
 
     def extent(self, row: Array) -> Array:
+        """Return the row's own parameter at its end."""
         breaks = jnp.asarray(self.contour.breaks)
         length = breaks[row + 1] - breaks[row]
         return jnp.where(self._is_bezier(row), 1.0, length) if self.has_beziers else length
 
     def curve(self, row: Array, s: Array, order: int) -> Array:
+        """Return point and derivatives over the row's own parameter."""
         if not self.has_beziers:
             return self._helical(row, s, order)
         if not (self.any_simple or self.has_helices):
@@ -135,12 +149,14 @@ class PathCells(Cells):
         )
 
     def simple_point(self, row: Array, s: Array) -> Array:
+        """Return the point of a line or a planar arc."""
         if self.straight:
             origin, tangent, _ = self.arc(row)[2]
             return origin + s * tangent  # type: ignore[no-any-return]
         return self._helical(row, s, 0)[0]  # type: ignore[no-any-return]
 
     def arc(self, row: Array) -> tuple[Array, Array, Any]:
+        """Return whether the row is simple, its angle rate, and origin, tangent and normal."""
         path = self.contour
         rate = self._rate(row)
         u, v = jnp.asarray(path.tangent_vector)[row], jnp.asarray(path.normal_vector)[row]

@@ -47,8 +47,8 @@ def nearest_by_scan(
         d = r[0] - q
         return d @ d, d @ r[1], r[1] @ r[1] + d @ r[2]
 
-    edges = low + (high - low) * jnp.arange(SCAN + 1) / SCAN
-    edges = edges.at[-1].set(high)
+    fraction = jnp.arange(SCAN + 1) / SCAN
+    edges = jnp.where(fraction == 1.0, high, low + (high - low) * fraction)
     squared, slope, _ = jax.vmap(look)(edges)
     a, b, ga, gb = edges[:-1], edges[1:], slope[:-1], slope[1:]
     minimum = (ga < 0.0) & (gb >= 0.0)

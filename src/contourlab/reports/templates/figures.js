@@ -4,8 +4,8 @@ function line(run, look, x, y, width, more = {}) {
   return {
     type: "scatter", mode: "lines", x, y, name: run.label, visible: !run.hidden,
     // plotly's own thinning leaves corners in smooth curves
-    line: { color: look.run(run), width, dash: run.dash, simplify: false },
-    opacity: run.diverged ? 0.75 : 1, ...more,
+    line: { color: look.run(run), width: run.far ? 0.6 * width : width, dash: run.dash, simplify: false },
+    opacity: run.far ? 0.35 : run.diverged ? 0.8 : 1, ...more,
   };
 }
 
@@ -155,7 +155,7 @@ function pathInSpace(factor, look) {
       ...layout, margin: { l: 0, r: 0, t: 28, b: 0 }, dragmode: "orbit",
       scene: {
         aspectmode: "data", xaxis: inSpace(a), yaxis: inSpace(b), zaxis: inSpace(c),
-        camera: { eye: { x: 1.25, y: -1.5, z: 0.9 } },
+        camera: { eye: { x: 1.05, y: -1.3, z: 0.8 }, center: { x: 0, y: 0, z: -0.1 } },
       },
       annotations: [{
         text: factorText(factor), x: 0.01, y: 1, xref: "paper", yref: "paper", xanchor: "left",

@@ -59,7 +59,8 @@ function makeCloseups() {
 
 function showOutside() {
   const inside = framed();
-  const outside = data.runs.filter((run) => !run.hidden && !inside.includes(run));
+  for (const run of data.runs) run.far = !run.hidden && !inside.includes(run);
+  const outside = data.runs.filter((run) => run.far);
   for (const place of document.querySelectorAll(".outside")) {
     place.textContent = outside.length
       ? ` ${outside.map((run) => `${run.name} (${digits(run.largest, 3)} µm)`).join(", ")} ` +

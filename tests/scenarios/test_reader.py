@@ -1,0 +1,303 @@
+"""Scenario files become objects, and every mistake is one sentence with its place."""
+
+import tomllib
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from contourlab.contours import Ellipse, Path
+from contourlab.controllers import AxisPid, Cascade, CrossCoupled
+from contourlab.errors import ContourlabError, ScenarioError
+from contourlab.scenarios import read_scenario, read_scenario_text
+
+GOOD = """
+[part]
+formula = "ellipse"
+semi_axes = ["30 mm", "10 mm"]
+
+[feed]
+kind = "constant_rate"
+rate = 5.0
+duration = "0.05 s"
+
+[machine]
+command = "force"
+computing_delay = "0.5 ms"
+velocity = "ideal"
+
+[[machine.axis]]
+name = "X"
+mass = 5.0
+viscous = 20.0
+coulomb = 8.0
+breakaway = 10.0
+command_limit = 200.0
+travel = ["-100 mm", "100 mm"]
+resolution = "0.1 um"
+velocity_limit = "1 m/s"
+acceleration_limit = "10 m/s^2"
+jerk_limit = "500 m/s^3"
+
+[[machine.axis]]
+name = "Y"
+mass = 3.0
+viscous = 15.0
+velocity_limit = "1 m/s"
+acceleration_limit = "10 m/s^2"
+jerk_limit = "500 m/s^3"
+
+[[controller]]
+type = "axis_pid"
+tuning = "pole_placement"
+bandwidth_hz = 20
+
+[[controller]]
+name = "cascade"
+type = "cascade"
+position_gain = [50, 60]
+velocity_proportional = 900
+velocity_integral = 50000
+
+[[controller]]
+name = "ccc"
+type = "cross-coupled"
+estimator = "osculating_circle"
+kp = 1e5
+axis = { type = "axis_pid", kp = 1e5, kd = 500 }
+
+[simulation]
+sample_time = "0.5 ms"
+substeps = 4
+seed = 7
+
+[[simulation.disturbance]]
+type = "sine"
+axis = "Y"
+amplitude = 2.0
+frequency_hz = 50.0
+start = "10 ms"
+
+[report]
+title = "An ellipse"
+magnification = 100.0
+"""
+
+
+def read(text):
+    return read_scenario_text(text, name="s.toml")
+
+
+def test_a_good_file_becomes_objects():
+    scenario = read(GOOD)
+    machine = scenario.machine
+    assert machine.names == ("X", "Y")
+    assert machine.command == "force"
+    assert machine.substeps == 4
+    assert machine.drive.computing_delay == 5e-4
+    assert machine.sensor.velocity == "ideal"
+    np.testing.assert_allclose(machine.dynamics.mass, [5.0, 3.0])
+    np.testing.assert_allclose(machine.dynamics.friction.breakaway, [10.0, 0.0])
+    np.testing.assert_allclose(machine.travel, [[-0.1, 0.1], [-np.inf, np.inf]])
+    np.testing.assert_allclose(machine.sensor.resolution, [1e-7, 0.0])
+    assert list(scenario.controllers) == ["axis_pid", "cascade", "ccc"]
+    pid, cascade, ccc = scenario.controllers.values()
+    assert isinstance(pid, AxisPid)
+    assert isinstance(cascade, Cascade)
+    assert isinstance(ccc, CrossCoupled)
+    np.testing.assert_allclose(cascade.position_gain, [50.0, 60.0])
+    np.testing.assert_allclose(pid.model.mass, [5.0, 3.0])
+    assert isinstance(scenario.reference.contour, Ellipse)
+    np.testing.assert_allclose(scenario.reference.contour.semi_axes, [0.03, 0.01])
+    assert scenario.reference.n_samples == 101
+    assert scenario.seed == 7
+    assert scenario.disturbances[0].axis == 1
+    assert scenario.magnification == 100.0
+    assert scenario.text == GOOD
+
+
+def changed(old, new):
+    assert GOOD.count(old) >= 1, old
+    return GOOD.replace(old, new, 1)
+
+
+def line_with(text, piece):
+    return next(k for k, line in enumerate(text.splitlines(), 1) if piece in line)
+
+
+MISTAKES = {
+    "misspelt key": ("coulomb = 8.0", "coulom = 8.0", "coulom", "did you mean coulomb?"),
+    "misspelt section": ("[feed]", "[fead]", "fead", "did you mean feed?"),
+    "no unit": ('"1 m/s"', "1", "velocity_limit", "has no unit"),
+    "unit of another kind": ('"1 m/s"', '"1 kg"', "velocity_limit", "not one of velocity"),
+    "unknown unit in a formula": ('"30 mm"', '"30 furlong"', "semi_axes", "not one of length"),
+    "bare length in a formula": ('["30 mm", "10 mm"]', "[0.03, 0.01]", "semi_axes", "has no unit"),
+    "unknown controller": ('"axis_pid"\ntuning', '"axis_pd"\ntuning', "type", "mean axis_pid?"),
+    "unknown estimator": ('"osculating_circle"', '"circle"', "estimator", "osculating_circle"),
+    "unknown formula": ('"ellipse"', '"elipse"', "formula", "did you mean ellipse?"),
+    "unknown gain": ("bandwidth_hz = 20", "bandwith_hz = 20", "bandwith_hz", "mean bandwidth_hz?"),
+    "unknown tuning": ('"pole_placement"', '"ziegler"', "tuning", "Allowed: pole_placement"),
+    "gain out of bounds": ("kd = 500", "kd = -500", "kd", "must be >= 0"),
+    "gain as text": ("kp = 1e5\n", 'kp = "big"\n', "kp", "must be a number, got 'big'"),
+    "wrong number of gains": ("[50, 60]", "[50, 60, 70]", "controller[1]", "position_gain must be one number or one for each"),
+    "same name twice": ('name = "ccc"', 'name = "cascade"', "name", "stands already"),
+    "negative time": ('"0.5 ms"\nsub', '"-0.5 ms"\nsub', "sample_time", "must be > 0"),
+    "seed of another kind": ("seed = 7", 'seed = "7"', "seed", "valid integer"),
+    "unknown axis": ('axis = "Y"', 'axis = "Z"', "axis", "Allowed: X, Y"),
+    "one axis only mass": ("mass = 3.0\n", "", "axis[1]", "either mass, or numerator"),
+    "no such feed": ('"constant_rate"', '"fast"', "kind", "'programmed', 'constant_rate'"),
+    "feed key of another kind": ("rate = 5.0", 'feed = "1 m/s"', "feed", "does not go with kind"),
+    "travel reversed": ('["-100 mm", "100 mm"]', '["100 mm", "-100 mm"]', "axis", "lower < upper"),
+    "file and formula": ('formula = "ellipse"', 'formula = "ellipse"\nfile = "a.ngc"', "part", "either file"),
+    "magnification zero": ("magnification = 100.0", "magnification = 0.0", "magnification", "greater than 0"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_mistakes_name_file_line_key_and_choices(mistake):
+    old, new, key, message = MISTAKES[mistake]
+    text = changed(old, new)
+    with pytest.raises(ContourlabError) as caught:
+        read(text)
+    shown = str(caught.value)
+    assert "\n" not in shown
+    assert message in shown, shown
+    if isinstance(caught.value, ScenarioError):
+        assert shown.startswith("s.toml:"), shown
+        assert key in shown, shown
+        assert caught.value.line > 0
+
+
+def test_the_line_is_that_of_the_key():
+    text = changed("kd = 500", "kd = -500")
+    with pytest.raises(ScenarioError) as caught:
+        read(text)
+    assert caught.value.line == line_with(text, "kd = -500")
+    text = changed("bandwidth_hz = 20", "bandwith_hz = 20")
+    with pytest.raises(ScenarioError) as caught:
+        read(text)
+    assert caught.value.line == line_with(text, "bandwith_hz")
+
+
+def test_missing_sections_and_keys():
+    with pytest.raises(ScenarioError, match=r"s\.toml: part: is missing"):
+        read("")
+    with pytest.raises(ScenarioError, match="axis_pid|AxisPid needs kp"):
+        read(changed('tuning = "pole_placement"\nbandwidth_hz = 20', "ki = 3.0"))
+    with pytest.raises(ScenarioError, match="needs bandwidth_hz"):
+        read(changed("bandwidth_hz = 20", "damping = 0.5"))
+
+
+def test_what_is_no_toml(tmp_path):
+    with pytest.raises(ScenarioError, match=r"s\.toml: not valid TOML.*line 2"):
+        read("[part]\na = = 1")
+    with pytest.raises(ScenarioError, match="cannot be read"):
+        read_scenario(tmp_path / "none.toml")
+    with pytest.raises(ScenarioError, match="cannot be read"):
+        read_scenario(tmp_path)
+    (tmp_path / "binary.toml").write_bytes(b"[part]\nfile = \xff")
+    with pytest.raises(ScenarioError, match=r"binary\.toml:2: not a text in UTF-8"):
+        read_scenario(tmp_path / "binary.toml")
+
+
+def test_a_part_beside_the_scenario(tmp_path):
+    (tmp_path / "p.ngc").write_text("G21 G90\nG0 X1 Y1\nG1 X5 Y1 F600\nM2\n")
+    start, end = GOOD.index("[part]"), GOOD.index("[machine]")
+    text = GOOD[:start] + '[part]\nfile = "p.ngc"\n' + GOOD[end:]
+    (tmp_path / "s.toml").write_text(text)
+    scenario = read_scenario(tmp_path / "s.toml")
+    assert isinstance(scenario.reference.contour, Path)
+    assert scenario.part.axes == ("X", "Y")
+    assert len(scenario.stops) >= 1
+    (tmp_path / "other.ngc").write_text("G21 G90\nG1 X1 Y2 F600\nM2\n")
+    other = read_scenario(tmp_path / "s.toml", part=tmp_path / "other.ngc")
+    assert other.part.path.n_pieces == 1
+    with pytest.raises(ContourlabError, match="none.ngc"):
+        read_scenario(tmp_path / "s.toml", part=tmp_path / "none.ngc")
+
+
+def test_named_machines_take_arguments_and_changes():
+    start, end = GOOD.index("[machine]"), GOOD.index("[[controller]]")
+
+    def with_machine(section):
+        return GOOD[:start] + section + GOOD[end:]
+
+    machine = read(
+        with_machine(
+            '[machine]\nname = "linear_motor_stage"\nencoder = 1e-6\n'
+            '[machine.set]\nmass = [6.0, 4.0]\n"drive.command_limit" = 80.0\n'
+        )
+    ).machine
+    np.testing.assert_allclose(machine.dynamics.mass, [6.0, 4.0])
+    np.testing.assert_allclose(machine.drive.command_limit, 80.0)
+    with pytest.raises(ScenarioError, match="did you mean linear_motor_stage"):
+        read(with_machine('[machine]\nname = "linear_motor_stag"\n'))
+    with pytest.raises(ScenarioError, match=r"s\.toml:\d+: machine\.encodr.*did you mean encoder"):
+        read(with_machine('[machine]\nname = "linear_motor_stage"\nencodr = 1e-6\n'))
+    with pytest.raises(ScenarioError, match=r"machine\.set\.masss.*no field"):
+        read(with_machine('[machine]\nname = "linear_motor_stage"\n[machine.set]\nmasss = 1.0\n'))
+    with pytest.raises(ScenarioError, match="mass must be > 0"):
+        read(with_machine('[machine]\nname = "linear_motor_stage"\n[machine.set]\nmass = -1.0\n'))
+
+
+FUZZ = settings(
+    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True
+)
+
+
+@FUZZ
+@given(st.text(max_size=300))
+def test_any_text_gives_an_error_of_ours(text):
+    with pytest.raises(ContourlabError):
+        read(text)
+
+
+WORDS = st.sampled_from(GOOD.split())
+VALUES = st.one_of(
+    st.integers(), st.floats(), st.booleans(), st.text(max_size=8), WORDS,
+    st.lists(st.one_of(st.integers(), st.text(max_size=3)), max_size=3),
+    st.dictionaries(st.text(max_size=5), st.integers(), max_size=2),
+    st.sampled_from(["30 mm", "1e400 mm", "nan mm", "-1 s", "inf m/s", "0 s", "1e-300 s"]),
+)  # fmt: skip
+
+
+def _paths(value, path=()):
+    items = value.items() if isinstance(value, dict) else enumerate(value)
+    for key, inner in items:
+        yield (*path, key)
+        if isinstance(inner, dict | list):
+            yield from _paths(inner, (*path, key))
+
+
+PATHS = sorted(_paths(tomllib.loads(GOOD)), key=str)
+
+
+@FUZZ
+@given(st.sampled_from(PATHS), VALUES)
+def test_any_value_anywhere_gives_a_scenario_or_an_error_of_ours(path, value):
+    import json
+
+    import pydantic
+
+    from contourlab.scenarios import reader
+
+    raw = tomllib.loads(GOOD)
+    raw["feed"]["duration"] = "0.002 s"
+    inner = raw
+    for key in path[:-1]:
+        inner = inner[key]
+    inner[path[-1]] = value
+    if path[0] == "simulation" and "sample_time" in path and value in ("1e-300 s",):
+        value = "x"
+    try:
+        json.dumps(raw)
+        sections = reader.ScenarioSections.model_validate(raw)
+    except pydantic.ValidationError as error:
+        with pytest.raises(ScenarioError):
+            reader._refuse(error, raw, GOOD, "s.toml")
+        return
+    try:
+        reader._build(sections, GOOD, "s.toml", reader.FilePath("."))
+    except ContourlabError as error:
+        assert "\n" not in str(error)
