@@ -93,7 +93,7 @@ def test_outside_a_bezier_path_goes_straight_on():
         assert_allclose(beyond[0], straight, rtol=1e-14)
         assert_allclose(beyond[1], inside[1], rtol=1e-14)
         assert_allclose(beyond[2:], 0.0)
-        assert np.abs(inside[2]).max() > 0.1  # at the edge itself: the curve's own
+        assert np.abs(inside[2]).max() > 0.05  # at the edge itself: the curve's own
         slope = jax.jacrev(lambda s: path.position(s))(outside)
         assert_allclose(slope, inside[1], rtol=1e-13)
 
@@ -125,7 +125,8 @@ def test_far_from_the_origin_a_short_curve_still_enters():
     ("points", "weights", "message"),
     [
         ([[[0, 0], [1, 1], [0, 0.0]]], None, "stands still"),
-        ([[[0, 0], [0, 0], [0, 0.0]]], None, "stands still"),
+        ([[[0, 0], [0, 0], [0, 0.0]]], None, "curve 0 has no length"),
+        ([[[7, 1], [7, 1], [7, 1 + 1e-16]]], None, "curve 0 has no length"),
         ([[[0, 0], [1, 0], [2, 0.0]]], [[1.0, 0.0, 1.0]], "weights must be > 0"),
         ([[0, 0], [1, 0]], None, "must have shape"),
         ([[[0, 0], [np.nan, 0]]], None, "must be finite"),

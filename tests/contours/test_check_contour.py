@@ -88,8 +88,7 @@ class Blocked(Wave):
 
 class Gradient(Wave):
     def position(self, parameter, piece=None):
-        height = self.height * jnp.sqrt((self.height / 0.2 - 1.0) ** 2 + 0.0) * 0.0
-        return super().position(parameter) + height
+        return super().position(parameter) + jnp.sqrt(self.height - 0.2)
 
 
 class Skew(Wave):

@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import json
+import re
+import shutil
+import subprocess
+from dataclasses import dataclass
 from itertools import pairwise
-from types import MappingProxyType
+from pathlib import Path as FilePath
+from types import MappingProxyType, SimpleNamespace
 
 import numpy as np
 import pytest
@@ -195,6 +200,98 @@ def circle_reference(duration: float = 1.0) -> Reference:
     )  # fmt: skip
 
 
+def spatial_comparison(n_coordinates: int = 3) -> Comparison:
+    turn = np.linspace(0, 3 * np.pi, 60)
+    columns = [20 * np.cos(turn), 20 * np.sin(turn), 2 * turn, turn][:n_coordinates]
+    path = Path.polyline(np.stack(columns, axis=1) * 1e-3, np.arange(1, len(turn)))
+    reference, stops = travel(path, 0.2)
+    recordings = {
+        name: made_up(reference, name, size, names="XYZA")
+        for name, size in (("axis_pid", 40e-6), ("cross_coupled", 11e-6))
+    }
+    return Comparison(recordings, reference, ball_screw_stage(), None, tuple(stops))
+
+
+HOSTILE = '</script><script>window.hit=1</script><img src=x onerror="hit=1">{{7*7}}%{x}$a$\u2028'
+
+
+def hostile_comparison() -> Comparison:
+    """Every text that comes from a file tries to get out of its place."""
+    path = bracket_path()
+    reference, stops = travel(path, 0.2)
+    recording = made_up(reference, HOSTILE, 40e-6, warnings=(HOSTILE,))
+    recording.dataset.attrs |= {"configuration": HOSTILE, "machine": HOSTILE, "note": HOSTILE}
+    lines = [HOSTILE] * len(PROGRAM)
+    return Comparison(
+        {HOSTILE: recording, "_b": made_up(reference, "_b", 10e-6)}, reference, ball_screw_stage(),
+        bracket_part(path, lines, HOSTILE), tuple(stops), HOSTILE, HOSTILE,
+    )  # fmt: skip
+
+
 @pytest.fixture(scope="session")
 def comparison() -> Comparison:
     return bracket_comparison()
+
+
+@pytest.fixture(scope="session")
+def made() -> SimpleNamespace:
+    """What the tests of this folder build comparisons with."""
+    return SimpleNamespace(
+        bracket=bracket_comparison, spatial=spatial_comparison, hostile=hostile_comparison,
+        bracket_path=bracket_path, bracket_part=bracket_part, travel=travel, recording=made_up,
+        circle=circle_reference, hostile_text=HOSTILE,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Visit:
+    """What came of opening a page in Chromium."""
+
+    dom: str
+    requests: tuple[str, ...]
+    """Addresses that the page asked for, itself apart."""
+    console: tuple[str, ...]
+
+    def attribute(self, name: str) -> str | None:
+        """Return an attribute of the root element."""
+        match = re.search(rf'<html[^>]*?\b{name}="([^"]*)"', self.dom)
+        return match.group(1) if match else None
+
+
+@pytest.fixture(scope="session")
+def chromium(tmp_path_factory: pytest.TempPathFactory):
+    """Return a function that opens a page without a network and returns a Visit."""
+    program = shutil.which("chromium") or shutil.which("chromium-browser")
+    program = program or shutil.which("google-chrome")
+    if program is None:
+        pytest.skip("Chromium is not installed")
+
+    def visit(page: FilePath, *flags: str, fragment: str = "") -> Visit:
+        folder = tmp_path_factory.mktemp("chromium")
+        log = folder / "net.json"
+        result = subprocess.run(
+            [
+                program, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars",
+                "--disable-background-networking", "--enable-unsafe-swiftshader",
+                f"--user-data-dir={folder / 'profile'}", f"--log-net-log={log}",
+                "--host-resolver-rules=MAP * ~NOTFOUND", "--virtual-time-budget=20000",
+                "--enable-logging=stderr", *flags, page.resolve().as_uri() + fragment,
+            ],
+            capture_output=True, text=True, timeout=180, check=False,
+        )  # fmt: skip
+        console = [line for line in result.stderr.splitlines() if ":CONSOLE:" in line]
+        return Visit(result.stdout, _page_requests(log, page), tuple(console))
+
+    return visit
+
+
+def _page_requests(log: FilePath, page: FilePath) -> tuple[str, ...]:
+    # the browser's own errands have no initiator; a page from a file has the origin "null"
+    found = []
+    for line in log.read_text(encoding="utf-8", errors="replace").splitlines():
+        if '"initiator":"' not in line or '"initiator":"not an origin"' in line:
+            continue
+        parameters = json.loads(line.rstrip(","))["params"]
+        if "url" in parameters and not parameters["url"].startswith(page.resolve().as_uri()):
+            found.append(parameters["url"])
+    return tuple(found)

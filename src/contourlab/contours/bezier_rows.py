@@ -26,6 +26,10 @@ SERIES_TOLERANCE = 1e-13
 
 _SPEED_NODES = 25
 _DEEPEST = 24
+_CROWDED = (10, 600)
+"""At this many halvings no more stretches of one curve than this may still be too long: round a
+cusp there are two, and without a bound a curve at the edge of rounding would double for ever."""
+
 _AT_ONCE = 512
 """Curves worked on together; bounds the memory."""
 
@@ -69,6 +73,11 @@ def bezier_rows(rows: Rows) -> tuple[Rows, Rows, Rows, Rows]:
     """
     kept: list[tuple[Rows, Rows, Rows, Rows, Rows]] = []
     owner, start = np.arange(len(rows)), np.zeros(len(rows))
+    points = rows[..., :-1] / rows[..., -1:]
+    extent = np.max(np.abs(points - points[:, :1]), axis=(1, 2))
+    still = extent <= 4e-16 * np.max(np.abs(points), axis=(1, 2))
+    if still.any():
+        raise GeometryError(f"Bézier curve {int(np.argmax(still))} has no length")
     for depth in range(_DEEPEST + 1):
         fits = [_length_series(rows[i : i + _AT_ONCE]) for i in range(0, len(rows), _AT_ONCE)]
         inverse, length, good = (np.concatenate(part) for part in zip(*fits, strict=True))
@@ -76,13 +85,18 @@ def bezier_rows(rows: Rows) -> tuple[Rows, Rows, Rows, Rows]:
         rows, owner, start = rows[~good], owner[~good], start[~good]
         if len(rows) == 0:
             break
+        if depth >= _CROWDED[0] and np.bincount(owner).max() > _CROWDED[1]:
+            raise GeometryError(
+                f"Bézier curve {int(np.argmax(np.bincount(owner)))} cannot be cut into smooth "
+                "stretches: it is too small beside its coordinates, or too winding"
+            )
         left, right = _halves(rows)
         rows = np.concatenate([left, right])
         start = np.concatenate([start, start + 0.5 ** (depth + 1)])
         owner = np.concatenate([owner, owner])
     else:
         raise GeometryError(
-            f"Bézier curve {owner.min()} stands still somewhere (a cusp, or no length): "
+            f"Bézier curve {owner.min()} stands still somewhere (a cusp): "
             "split it there, or remove repeated control points"
         )
     rows, inverse, length, owner, start = (np.concatenate(part) for part in zip(*kept, strict=True))

@@ -26,7 +26,7 @@ class Closeup:
     axes: tuple[str, str]
     """What the two directions of the window are."""
     path: Float[np.ndarray, "n 2"]
-    tracks: dict[str, Float[np.ndarray, "n 2"]]
+    tracks: dict[str, Float[np.ndarray, "_ 2"]]
     """Actual paths of the controllers that come by, by name."""
     actual: Float[np.ndarray, " 2"]
     """Where the tool was at the worst instant."""

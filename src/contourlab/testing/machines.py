@@ -64,7 +64,8 @@ def _rest_command(machine: Machine, bound: BoundMachine) -> AxisVector:
 def _commands(machine: Machine, bound: BoundMachine) -> Record:
     """A wave about the command of rest, at a third of the limit or, without one, for 0.1 m/s²."""
     nominal = machine.nominal
-    wanted = np.asarray(nominal.feed_forward(np.full(machine.n_axes, 1e-2), np.full(1, 0.1)))
+    speed, change = np.full(machine.n_axes, 1e-2), np.full(machine.n_axes, 0.1)
+    wanted = np.asarray(nominal.feed_forward(speed, change))
     wanted = wanted + np.asarray(nominal.coulomb) / np.asarray(nominal.gain)
     limit = np.broadcast_to(np.asarray(machine.drive.command_limit), (machine.n_axes,))
     size = np.minimum(wanted, 0.3 * limit)

@@ -147,8 +147,10 @@ def finish_all(cells: Cells, points: Values, feet: Foot) -> FootPoint:
     return result
 
 
-def local_feet(cells: Cells, points: Values, near: Values) -> FootPoint:
-    """Return the local foot point of every point.
+def local_feet(cells: Cells, points: Values, near: Values) -> tuple[FootPoint, Values]:
+    """Return the local foot point of every point, and which points are so far off that it is global.
+
+    Those points, from which all of a path is in their ball, are left undone.
 
     Parameters
     ----------
@@ -159,18 +161,31 @@ def local_feet(cells: Cells, points: Values, near: Values) -> FootPoint:
     """
     n, n_axes = points.shape
     result = FootPoint(np.empty(n), np.empty((n, n_axes)), np.empty((n, n_axes)), np.empty(n))
-    breaks = None
+    breaks, ball, whole = None, None, np.zeros(n, bool)
     if isinstance(cells, PathCells):
-        breaks = np.asarray(cells.contour.breaks)
+        breaks, ball = np.asarray(cells.contour.breaks), _path_ball(cells)
 
     def work(at: slice, size: int) -> None:
         q, parameter = padded((points[at], near[at]), size)
         begun = _begin(cells, q, parameter, _pieces(breaks, parameter, cells.contour.closed))
-        foot = _walked(cells, q, begun, at.stop - at.start)
+        n = at.stop - at.start
+        if ball is not None:
+            # a ball that holds the whole path: its stretch is all of it
+            away = np.linalg.norm(np.asarray(begun.centre) - ball[0], axis=1) + ball[1]
+            whole[at] = (away**2 <= np.asarray(begun.reach))[:n] & np.isfinite(begun.reach)[:n]
+        foot = _walked(cells, q, begun, np.flatnonzero(~whole[at]))
         _store(result, at, _finish(cells, q, foot))
 
     side_by_side(work, n)
-    return result
+    return result, np.flatnonzero(whole)
+
+
+def _path_ball(cells: PathCells) -> tuple[Values, float]:
+    """Return a ball that holds a path."""
+    path = cells.contour
+    origin, length = np.asarray(path.origin), np.diff(np.asarray(path.breaks))
+    centre = 0.5 * (origin.min(axis=0) + origin.max(axis=0))
+    return centre, float(np.max(np.linalg.norm(origin - centre, axis=1) + length))
 
 
 def _store(result: FootPoint, at: slice, values: FootPoint) -> None:
@@ -186,10 +201,10 @@ def _pieces(breaks: Values | None, near: Values, closed: bool) -> Values:
     return np.searchsorted(breaks[1:-1], at, side="right").astype(np.int32)
 
 
-def _walked(cells: Cells, q: Values, begun: Start, n: int) -> Foot:
-    """Return the best feet of a chunk of which the first ``n`` lanes count."""
+def _walked(cells: Cells, q: Values, begun: Start, lanes: Values) -> Foot:
+    """Return the best feet of a chunk, of which some lanes count."""
     best: Foot = begun.foot
-    owner, state = _still(begun, q, n)
+    owner, state = _still(begun, q, lanes)
     if not len(owner):
         return best
     best = Foot(*(np.array(x) for x in best))
@@ -206,9 +221,9 @@ def _walked(cells: Cells, q: Values, begun: Start, n: int) -> Foot:
     return best
 
 
-def _still(begun: Start, q: Values, n: int) -> tuple[Values, Any]:
+def _still(begun: Start, q: Values, lanes: Values) -> tuple[Values, Any]:
     """Return the lanes that go on, both ways, and whose they are."""
-    ways = [np.flatnonzero(np.asarray(w.left)[:n] > 0) for w in (begun.ahead, begun.behind)]
+    ways = [lanes[np.asarray(w.left)[lanes] > 0] for w in (begun.ahead, begun.behind)]
     owner = np.concatenate(ways)
     walker = jax.tree.map(
         lambda a, b: np.concatenate([np.asarray(a)[ways[0]], np.asarray(b)[ways[1]]]),

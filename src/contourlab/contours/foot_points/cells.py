@@ -142,7 +142,7 @@ class Cells(eqx.Module):
     def joint(self, row: Array, part: Array, sign: Array) -> Array:
         """Return the point where a cell ends, in the direction ``sign``."""
         low, high = self.bounds(row, part)
-        return self.curve(row, jnp.where(sign > 0, high, low), 0)[0]  # type: ignore[no-any-return]
+        return self.curve(row, jnp.where(sign > 0, high, low), 0)[0]
 
     def peak(
         self, row: Array, c: Array, start: Array, end: Array, wanted: Array

@@ -71,4 +71,12 @@ def foot_point(contour: Contour, points: Any, near: Any = None) -> FootPoint:
     cells = on_device(cells_of(contour))
     if near is None:
         return global_feet(cells, points)
-    return local_feet(cells, points, near)
+    foot, far = local_feet(cells, points, near)
+    if len(far):
+        for values, replaced in zip(foot, global_feet(cells, points[far]), strict=True):
+            values[far] = replaced
+        if contour.closed:
+            start, end = (float(edge) for edge in contour.domain)
+            laps = np.round((near[far] - foot.parameter[far]) / (end - start))
+            foot.parameter[far] += laps * (end - start)
+    return foot

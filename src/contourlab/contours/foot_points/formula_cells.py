@@ -114,7 +114,7 @@ class FormulaCells(Cells):
 
     def simple_point(self, row: Array, s: Array) -> Array:
         """Return the point of a line or a planar arc."""
-        return self.curve(row, s, 0)[0]  # type: ignore[no-any-return]
+        return self.curve(row, s, 0)[0]
 
     def curve(self, row: Array, s: Array, order: int) -> Array:
         """Return point and derivatives over the row's own parameter."""

@@ -153,7 +153,7 @@ class PathCells(Cells):
         if self.straight:
             origin, tangent, _ = self.arc(row)[2]
             return origin + s * tangent  # type: ignore[no-any-return]
-        return self._helical(row, s, 0)[0]  # type: ignore[no-any-return]
+        return self._helical(row, s, 0)[0]
 
     def arc(self, row: Array) -> tuple[Array, Array, Any]:
         """Return whether the row is simple, its angle rate, and origin, tangent and normal."""
