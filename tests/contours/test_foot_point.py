@@ -156,6 +156,20 @@ def test_corner_inside_and_outside():
     assert_allclose(foot.distance, [0.5, -0.1, -0.1], atol=ROUNDING)
 
 
+def test_sign_at_a_sharp_corner_is_that_of_the_second_piece():
+    path = Path.polyline([[0, 0], [1, 0], [1 - np.sqrt(0.75), 0.5]])
+    foot = foot_point(path, [[1.2, 0.06]], near=[0.9])
+    # v = (-0.2, -0.06): to the right of the first tangent, to the left of the second
+    assert_allclose(foot.distance, np.hypot(0.2, 0.06), atol=ROUNDING)
+
+
+def test_both_ways_end_together():
+    path = Path.polyline([[-99, 0.5], [-1, 0.5], [-1, 0], [1, 0], [1, 0.5], [99, 0.5]])
+    for x in (0.05, -0.05):
+        foot = foot_point(path, [[x, 3.0]], near=[98 + 0.5 + 1])
+        assert_allclose(norms(foot), np.hypot(0.95, 2.5), rtol=ROUNDING)
+
+
 def test_circle_and_its_seam():
     circle = Circle(radius=2.0)
     angle = np.array([0.1, -0.1, 2 * np.pi - 0.05, 4 * np.pi + 0.05, 3.0])

@@ -128,3 +128,5 @@ def test_limits_are_checked():
                 AxisLimits(**{**good, name: wrong})
     with pytest.raises(ConfigurationError, match=r"are for \[2, 3\] axes"):
         AxisLimits(**{**good, "jerk": [1.0, 2.0, 3.0]})
+    with pytest.raises(ConfigurationError, match="must be numbers or one per axis"):
+        AxisLimits(**{**good, "jerk": [[1.0, 2.0]]})

@@ -134,6 +134,16 @@ def test_tangent_arc_is_passed_and_the_jump_is_said():
     assert_allclose(plan.profile.at(before)[1], 0.1, rtol=1e-12)
 
 
+def test_a_corner_into_an_arc_is_a_stop_and_no_jump():
+    path = Path.from_helical(
+        [[0, 0], [0.1, 0]], [[1, 0], [0, 1]], [[0, 0], [-1, 0]], np.zeros((2, 2)), [0, 50.0],
+        [0.1, 0.02],
+    )  # fmt: skip
+    plan = plan_feed(path, limits=LIMITS, sample_time=1e-3, feed=0.1)
+    assert_allclose(plan.stop_parameters, [0.1, 0.12])
+    assert plan.warnings == ()
+
+
 def part(feed, rapid, dwell, before=0.0, warnings=()):
     path = Path.polyline([[0.0, 0.0], [0.1, 0.0], [0.2, 0.0], [0.3, 0.0]])
     n = path.n_pieces

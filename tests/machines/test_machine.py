@@ -67,8 +67,8 @@ def test_a_drive_clips_each_axis_at_its_own_limit():
 
 def test_encoder_shows_the_nearest_count():
     m = machine(sensor=Encoder(resolution=(1e-6, 0.0)))
-    q, _, _ = run(m, [5.0] * 20, position=(1.4e-6, 1.4e-6))
-    assert_allclose(q[0], (1e-6, 1.4e-6), rtol=1e-12)
+    q, _, _ = run(m, [5.0] * 20, position=(1.6e-6, 1.6e-6))
+    assert_allclose(q[0], (2e-6, 1.6e-6), rtol=1e-12)
     assert_allclose(q[:, 0] / 1e-6, np.round(q[:, 0] / 1e-6), atol=1e-9)
     assert q[0, 1] % 1e-6 > 0
 

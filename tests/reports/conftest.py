@@ -112,6 +112,7 @@ def made_up(
     tangent = np.where(speed > 1e-9, velocity / np.maximum(speed, 1e-9), np.eye(n_axes)[0])
     normal = np.zeros_like(tangent)
     normal[:, 0], normal[:, 1] = -tangent[:, 1], tangent[:, 0]
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     turning = np.linalg.norm(np.asarray(reference.acceleration), axis=1)
     error = size * (
         0.35 * np.sin(11 * time + phase)
@@ -212,7 +213,9 @@ def spatial_comparison(n_coordinates: int = 3) -> Comparison:
     return Comparison(recordings, reference, ball_screw_stage(), None, tuple(stops))
 
 
-HOSTILE = '</script><script>window.hit=1</script><img src=x onerror="hit=1">{{7*7}}%{x}$a$\u2028'
+HOSTILE = (
+    '<b>b</b></script><script>window.hit=1</script><img src=x onerror="hit=1">{{7*7}}%{x}$a$\u2028'
+)
 
 
 def hostile_comparison() -> Comparison:

@@ -30,8 +30,12 @@ const probe = setInterval(() => {
       x: Array.from(curve.x), y: Array.from(curve.y),
       visible: figure.data.map((t) => t.visible !== false),
       note: figure.layout.annotations.map((a) => a.text), hash: location.hash,
-      ranges: ["error_time", "command"].map((id) => document.getElementById(id).layout.xaxis.range),
-      hit: typeof window.hit, types: figure.data.map((trace) => trace.type),
+      ranges: ["error_time", "command"].map(
+        (id) => document.getElementById(id).layout.xaxis.range),
+      hit: typeof window.hit, images: document.images.length,
+      labels: [...document.querySelectorAll("#error_time .annotation-text")]
+        .map((text) => text.textContent),
+      types: figure.data.map((trace) => trace.type),
     });
     document.body.append(out);
   }, 500);
@@ -80,10 +84,12 @@ def test_the_browser_check_sees_requests_and_errors(chromium, tmp_path):
 def test_the_policy_stops_a_request(chromium, report, tmp_path):
     copy = tmp_path / "asks.html"
     text = report.read_text(encoding="utf-8")
-    copy.write_text(text + '<img src="http://a.test/x.png">', encoding="utf-8")
+    asks = '<img src="http://a.test/x.png"><script>fetch("http://b.test/x")</script>'
+    copy.write_text(text + asks, encoding="utf-8")
     visit = chromium(copy, "--dump-dom")
     assert visit.requests == ()
     assert any("a.test" in line for line in visit.console)
+    assert any("b.test" in line for line in visit.console)
 
 
 @pytest.mark.parametrize("how", ["slider", "field", "address"])
@@ -114,7 +120,7 @@ def test_a_key_hides_a_controller_and_times_zoom_together(chromium, report, tmp_
         "Plotly.relayout('error_time', {'xaxis.range[0]': 1, 'xaxis.range[1]': 2});"
     )
     _, state = probed(chromium, report, tmp_path, act)
-    assert state["visible"].count(False) == 2  # its path and its marker
+    assert state["visible"].count(False) == 1
     assert state["ranges"] == [[1, 2], [1, 2]]
 
 
@@ -122,6 +128,9 @@ def test_hostile_texts_do_nothing(chromium, made, tmp_path):
     file = write_report(made.hostile(), tmp_path / "report.html")
     visit, state = probed(chromium, file, tmp_path)
     assert state["hit"] == "undefined"
+    assert state["images"] == 0
+    assert any("<b>b</b></script><script>window.hit=1</script><img" in t for t in state["labels"])
+    assert not [line for line in visit.console if "MathJax" in line]
     assert visit.requests == ()
     assert "&lt;/script&gt;&lt;script&gt;window.hit=1" in visit.dom
 

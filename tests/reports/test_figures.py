@@ -10,7 +10,7 @@ from PIL import Image
 
 from contourlab.errors import OutputError
 from contourlab.reports import write_figures
-from contourlab.reports.canvas import draw_path, new_figure
+from contourlab.reports.canvas import draw_path, literal, new_figure
 from contourlab.reports.drawing import make_drawing
 
 NAMES = ["path.png", "contour_error.png", "commands.png", "summary.png"]
@@ -50,6 +50,11 @@ def test_hostile_names_are_drawn_as_they_are(made, tmp_path):
     write_figures(made.hostile(), tmp_path)
 
 
+def test_text_is_no_formula_and_never_too_long():
+    assert literal("a_b $x$ \x1b[0m\u00a0µ") == "a_b \\$x\\$ ?[0m\u00a0µ"
+    assert literal("x" * 200, 20) == "x" * 19 + "…"
+
+
 def test_all_diverged(comparison, tmp_path):
     record = comparison.recordings["integral_sliding_mode"]
     lost = dataclasses.replace(comparison, recordings={"a": record, "b": record})
@@ -72,10 +77,14 @@ def test_the_factor_moves_what_is_drawn(comparison, factor):
     draw_path(axes, drawing)
     run = drawing.runs[0]
     curve = next(line for line in axes.lines if line.get_color() == run.look.light)
+    recording = comparison.recordings["axis_pid"]
+    worst = int(np.argmax(np.abs(np.asarray(recording["contour_error"]))))
+    tool = np.asarray(recording["tool"])[worst]
+    vector = np.asarray(recording["contour_error_vector"])[worst]
     x, y = np.asarray(curve.get_data())
-    away = np.hypot(x[:, None] - drawing.path[:, 0] * 1e3, y[:, None] - drawing.path[:, 1] * 1e3)
-    # the path is sampled finely: its points are within 0.06 mm of any other
-    assert away.min(axis=1).max() == pytest.approx(factor * run.largest * 1e3, abs=0.06)
+    wanted = (tool + vector - factor * vector) * 1e3
+    # roundings of millimetres
+    assert np.hypot(x - wanted[0], y - wanted[1]).min() < 1e-9
 
 
 def test_importing_reports_is_cheap():

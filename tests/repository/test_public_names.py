@@ -87,6 +87,5 @@ def test_every_citation_resolves_and_every_entry_is_used():
     entries = set(re.findall(r"@\w+\{\s*([^,\s]+)", bibliography.read_text()))
     used = set()
     for path in (root / "src").rglob("*.py"):
-        used |= set(re.findall(r"^\.\. \[(\w+)\]", path.read_text(), re.MULTILINE))
-        used |= set(re.findall(r"^\s+\.\. \[(\w+)\]", path.read_text(), re.MULTILINE))
+        used |= set(re.findall(r"^\s*\.\. \[([\w-]+)\]", path.read_text(), re.MULTILINE))
     assert used == entries

@@ -107,11 +107,11 @@ class Circle(Contour):
         A radius that is not > 0; a number that is not finite.
     """
 
-    radius: Float[Array, ...] = real(unit="m", above=0.0, ndim=0)
+    radius: Float[Array, " ..."] = real(unit="m", above=0.0, ndim=0)
     center: Float[Array, "... n_axes"] = real(unit="m", ndim=1, default=(0.0, 0.0))
     normal: Float[Array, "... 3"] | None = real(ndim=1, default=None)
     clockwise: bool = static(default=False)
-    start_angle: Float[Array, ...] = real(unit="rad", ndim=0, default=0.0)
+    start_angle: Float[Array, " ..."] = real(unit="rad", ndim=0, default=0.0)
 
     def check(self) -> None:
         """Raise GeometryError unless centre and normal describe one plane."""
@@ -226,7 +226,7 @@ class Arc(Contour):
 
     center: Float[Array, "... n_axes"] = real(unit="m", ndim=1)
     start: Float[Array, "... n_axes_of_start"] = real(unit="m", ndim=1)
-    angle: Float[Array, ...] = real(unit="rad", ndim=0)
+    angle: Float[Array, " ..."] = real(unit="rad", ndim=0)
     normal: Float[Array, "... 3"] | None = real(ndim=1, default=None)
 
     def check(self) -> None:

@@ -50,7 +50,7 @@ class Ellipse(Contour):
 
     semi_axes: Float[Array, "... n_semi_axes"] = real(unit="m", above=0.0, ndim=1)
     center: Float[Array, "... n_axes"] = real(unit="m", ndim=1, default=(0.0, 0.0))
-    rotation: Float[Array, ...] = real(unit="rad", ndim=0, default=0.0)
+    rotation: Float[Array, " ..."] = real(unit="rad", ndim=0, default=0.0)
 
     def check(self) -> None:
         """Raise GeometryError unless the ellipse is in the plane."""

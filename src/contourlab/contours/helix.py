@@ -43,9 +43,9 @@ class Helix(Contour):
         A radius or number of turns that is not > 0; a number that is not finite.
     """
 
-    radius: Float[Array, ...] = real(unit="m", above=0.0, ndim=0)
-    pitch: Float[Array, ...] = real(unit="m", ndim=0)
-    turns: Float[Array, ...] = real(above=0.0, ndim=0)
+    radius: Float[Array, " ..."] = real(unit="m", above=0.0, ndim=0)
+    pitch: Float[Array, " ..."] = real(unit="m", ndim=0)
+    turns: Float[Array, " ..."] = real(above=0.0, ndim=0)
     center: Float[Array, "... n_axes"] = real(unit="m", ndim=1, default=(0.0, 0.0, 0.0))
     axis: Float[Array, "... n_axes_of_axis"] = real(ndim=1, default=(0.0, 0.0, 1.0))
 

@@ -77,15 +77,15 @@ class NominalModel(Configuration):
     constant τ is the same equation with M = τ, B = 1, K = 1 and u a velocity.
     """
 
-    mass: Float[Array, ...] = real(above=0.0)
+    mass: Float[Array, " ..."] = real(above=0.0)
     """M, in effort per m/s²."""
-    viscous: Float[Array, ...] = real(minimum=0.0)
+    viscous: Float[Array, " ..."] = real(minimum=0.0)
     """B, in effort per m/s."""
-    coulomb: Float[Array, ...] = real(minimum=0.0)
+    coulomb: Float[Array, " ..."] = real(minimum=0.0)
     """F_c, in effort."""
-    gain: Float[Array, ...] = real(above=0.0)
+    gain: Float[Array, " ..."] = real(above=0.0)
     """K, effort per unit of command."""
-    command_limit: Float[Array, ...] = real(above=0.0, finite=False)
+    command_limit: Float[Array, " ..."] = real(above=0.0, finite=False)
     """Largest magnitude of the command; infinite if there is none."""
     command: CommandKind = static(allowed=COMMAND_KINDS)
 

@@ -27,14 +27,17 @@ CURVE_POINTS = 20_000
 SHOWN_STOPS = 300
 
 
-def literal(text: str) -> str:
+def literal(text: str, limit: int = 110) -> str:
     """Return text that matplotlib shows as it is: no formula, no control characters.
 
     Parameters
     ----------
     text
         From a file, perhaps.
+    limit
+        Longer text is cut: a name must not push the data out of the figure.
     """
+    text = text if len(text) <= limit else text[: limit - 1] + "…"
     shown = "".join(c if c.isprintable() or c in "\n\u00a0" else "?" for c in text)
     return shown.replace("$", r"\$")
 
@@ -126,7 +129,7 @@ def draw_path(axes: Any, drawing: Drawing) -> None:
     curves = [run.drawn(drawing.magnification)[:, :shown] * 1e3 for run in framed]
     _frame(axes, np.concatenate([drawing.path[:, :shown] * 1e3, *curves]))
     for which, name in zip("xyz", drawing.coordinates[:shown], strict=False):
-        axes.set(**{f"{which}label": f"{literal(name)} [mm]"})
+        axes.set(**{f"{which}label": f"{literal(name, 20)} [mm]"})
         getattr(axes, f"{which}axis").label.set_color(MUTED)
     if shown == 3:
         axes.tick_params(colors=MUTED, labelsize=8)
@@ -211,7 +214,7 @@ def draw_error(
             at = (float(x[run.worst]), float(y[run.worst]))
             axes.plot(*at, ls="", marker=run.look.marker, ms=6.5, color=run.look.light,
                       mec="white", mew=0.9, zorder=6)  # fmt: skip
-            if labels:
+            if labels and run in drawing.labelled:
                 side, left = 1 if at[1] >= 0.0 else -1, at[0] < 0.5 * (first + last)
                 rows[side] += 1
                 edge = (high if side > 0 else low) + side * step * (rows[side] - 0.3)
@@ -245,7 +248,7 @@ def legend_below(figure: Figure, drawing: Drawing, *, worst: bool) -> None:
 
     handles = []
     for run in drawing.runs:
-        words = run.name
+        words = run.name if len(run.name) <= 40 else run.name[:39] + "…"
         if run.diverged:
             words += f": {run.status}"
         elif worst and run.worst is not None:

@@ -40,6 +40,7 @@ would otherwise show nothing of the others."""
 DIVERGED_SHOWN = 2.0
 """A diverged run is shown until its error is this many times the largest in the picture."""
 LINE_TEXT = 90
+LABELS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,6 +131,12 @@ class Drawing:
         good = self.good or self.runs
         least = min(run.largest for run in good)
         return tuple(run for run in self.runs if run.diverged or run.largest <= FAR_WORSE * least)
+
+    @property
+    def labelled(self) -> tuple[Run, ...]:
+        """The runs whose worst point has its label: with many, the least and the greatest."""
+        good = sorted((run for run in self.framed if not run.diverged), key=lambda r: r.largest)
+        return tuple(good) if len(good) <= LABELS else (good[0], good[-1])
 
     @property
     def worst_first(self) -> tuple[Run, ...]:

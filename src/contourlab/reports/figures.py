@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 __all__ = ["write_figures"]
 
 CURVE_POINTS = 20_000
+BARS = 6
 LIMIT_SHOWN = 0.35
 """A limit is drawn if a command reaches this share of it."""
 
@@ -134,7 +135,7 @@ def _command_figure(drawing: Drawing) -> Figure:
         for run in drawing.worst_first:
             if run in runs:
                 _draw_command(axes, run, axis)
-        title = literal(name) + _draw_limit(axes, runs, axis, unit)
+        title = literal(name, 20) + _draw_limit(axes, runs, axis, unit)
         axes.set_title(title, loc="left", fontsize=10, color=INK)
         axes.set_ylabel(f"command [{unit}]", color=MUTED)
     rows[-1].set_xlabel("time [s]", color=MUTED)
@@ -173,32 +174,35 @@ def _summary_figure(drawing: Drawing) -> Figure:
     sentence = result_sentences(drawing)[0]
     n_lines = -(-len(sentence) // 106)
     sentence = "\n".join(textwrap.wrap(sentence, len(sentence) // n_lines + 8))
-    figure.suptitle(literal(sentence), x=0.01, ha="left", fontsize=13, weight="bold", color=INK)
+    figure.suptitle(
+        literal(sentence, 320), x=0.01, ha="left", fontsize=13, weight="bold", color=INK
+    )
     halves: Any = figure.subfigures(1, 2, width_ratios=(1.45, 1.0), wspace=0.02)
     left, right = halves
     axes = left.add_subplot(projection="3d") if drawing.shown == 3 else left.add_subplot()
     draw_path(axes, drawing)
     axes.set_title(_path_title(drawing), loc="left", fontsize=10, color=MUTED)
-    shown = drawing.runs[:8]  # a banner; the report shows all
+    shown = drawing.runs[:BARS]
     bars, curve = right.subplots(2, 1, height_ratios=(0.4 + 0.52 * len(shown), 2.2))
-    _draw_bars(bars, shown, max(run.largest for run in drawing.framed) or 1.0)
+    full = max(run.largest for run in drawing.framed) or 1.0
+    _draw_bars(bars, shown, full, len(drawing.runs) - len(shown))
     draw_error(curve, drawing, "distance", labels=False)
     curve.set_xlabel("distance along the path [mm]", color=MUTED)
     return figure
 
 
-def _draw_bars(axes: Axes, runs: tuple[Run, ...], full: float) -> None:
+def _draw_bars(axes: Axes, runs: tuple[Run, ...], full: float, hidden: int) -> None:
     bare(axes)
     axes.grid(False)
     axes.spines[["bottom", "left"]].set_visible(False)
     axes.tick_params(length=0, labelbottom=False)
     for row, run in enumerate(runs):
         rms, largest = _metric(run, "rms"), _metric(run, "max")
-        axes.text(0.0, row - 0.36, literal(run.name), va="bottom", fontsize=10, weight="bold",
+        axes.text(0.0, row - 0.36, literal(run.name, 40), va="bottom", fontsize=10, weight="bold",
                   color=run.look.light)  # fmt: skip
         if not np.isfinite(rms):
             words = run.status if run.diverged else "no figures"
-            axes.text(0.0, row, literal(f"✕ {words}"), va="center", fontsize=9, color=MUTED)
+            axes.text(0.0, row, literal(f"✕ {words}", 60), va="center", fontsize=9, color=MUTED)
             continue
         end = min(largest, 1.1 * full)  # a run far worse than the best is cut
         axes.barh(row, end, height=0.2, color=run.look.light, alpha=0.35, lw=0)
@@ -209,7 +213,8 @@ def _draw_bars(axes: Axes, runs: tuple[Run, ...], full: float) -> None:
     axes.set_xlim(0.0, 1.7 * full)
     axes.set_ylim(len(runs) - 0.6, -0.95)
     axes.set_yticks([])
-    axes.set_title("contour error [µm]", loc="left", fontsize=10, color=MUTED)
+    more = f"; {hidden} more in the report" if hidden else ""
+    axes.set_title(f"contour error [µm]{more}", loc="left", fontsize=10, color=MUTED)
 
 
 def _metric(run: Run, name: str) -> float:

@@ -21,7 +21,7 @@ _COLOURS = (
 )
 _DASHES = (("solid", "-"), ("dash", "--"), ("dot", ":"), ("dashdot", "-."))
 _MARKERS = (("circle", "o"), ("square", "s"), ("diamond", "D"), ("triangle-up", "^"),
-            ("pentagon", "p"), ("star", "*"))  # fmt: skip
+            ("pentagon", "p"), ("triangle-down", "v"))  # fmt: skip
 
 
 @dataclass(frozen=True)

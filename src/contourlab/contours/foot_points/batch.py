@@ -148,9 +148,9 @@ def finish_all(cells: Cells, points: Values, feet: Foot) -> FootPoint:
 
 
 def local_feet(cells: Cells, points: Values, near: Values) -> tuple[FootPoint, Values]:
-    """Return the local foot point of every point, and which points are so far off that it is global.
+    """Return the local foot point of every point, and which points are too far off to be done here.
 
-    Those points, from which all of a path is in their ball, are left undone.
+    All of a path is in the ball of such a point, so that its local foot is the global one.
 
     Parameters
     ----------

@@ -140,6 +140,10 @@ class PathCells(Cells):
 
     def curve(self, row: Array, s: Array, order: int) -> Array:
         """Return point and derivatives over the row's own parameter."""
+        if self.straight:
+            origin, tangent, _ = self.arc(row)[2]
+            rows = [origin + s * tangent, tangent, jnp.zeros_like(tangent)]
+            return jnp.stack(rows[: order + 1])
         if not self.has_beziers:
             return self._helical(row, s, order)
         if not (self.any_simple or self.has_helices):

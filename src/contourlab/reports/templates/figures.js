@@ -46,7 +46,7 @@ function pathFigure(factor) {
 }
 
 function pathInPlane(factor, look) {
-  const inside = framed();
+  const inside = framed(), named = labelled();
   const [across, up] = [0, 1].map((k) => {
     const [low, high] = bounds([data.path[k], ...inside.map((run) => shift(run, factor, k))].flatMap(bounds));
     return { low, high, size: high - low || 1, middle: (low + high) / 2 };
@@ -81,7 +81,7 @@ function pathInPlane(factor, look) {
     } else if (run.worst && inside.includes(run)) {
       const k = run.worst.row;
       traces.push(marker(run, look, [x[k]], [y[k]], [run.hover[k]]));
-      annotations.push(tag(run, worstText(run), x[k], y[k]));
+      if (named.includes(run)) annotations.push(tag(run, worstText(run), x[k], y[k]));
     }
   }
   traces.push(stopMarkers(look, "scatter"));
@@ -168,7 +168,7 @@ function pathInSpace(factor, look) {
 function errorFigure(key, title) {
   const look = theme();
   const traces = [], annotations = [];
-  const inside = framed();
+  const inside = framed(), named = labelled();
   const [low, high] = inside.length ? bounds(inside.flatMap((run) => bounds(run.error))) : [-1, 1];
   const [first, last] = bounds(data.runs.flatMap((run) => bounds(run[key])));
   const rows = { 1: 0, "-1": 0 }, step = 0.14 * (high - low || 1);
@@ -184,6 +184,7 @@ function errorFigure(key, title) {
     } else if (run.worst && inside.includes(run)) {
       const k = run.worst.row;
       traces.push(marker(run, look, [x[k]], [run.error[k]], [run.hover[k]]));
+      if (!named.includes(run)) continue;
       // labels stand in rows above the highest and below the lowest value, clear of the curves
       const side = run.error[k] >= 0 ? 1 : -1;
       rows[side] += 1;

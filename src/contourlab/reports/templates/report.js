@@ -4,7 +4,7 @@ const root = document.documentElement;
 const state = { factor: data.magnification };
 const inTime = ["error_time", "command", "tracking_error"];
 const decade = (value) => Math.log10(value);
-const ceiling = Math.max(10, 10 ** Math.ceil(decade(data.magnification) + 1));
+const ceiling = Math.max(10, 10 ** Math.ceil(decade(data.magnification) + 1.5));
 
 function draw(id, { traces, layout }) {
   return Plotly.react(id, traces, layout, plotConfig(id));

@@ -13,7 +13,7 @@ function numbers(packed) {
 // plotly reads a little HTML in its texts: names and program lines come from files
 function plain(text) {
   return String(text)
-    .replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/>/g, "&gt;");
+    .replace(/&/g, "&amp;").replace(/>/g, "&gt;");
 }
 
 function digits(value, count) {
@@ -67,6 +67,7 @@ function plotConfig(id) {
   const space = id === "path" && data.shown === 3 && webgl;
   return {
     responsive: true, displaylogo: false, showTips: false, scrollZoom: false, plotlyServerURL: "",
+    typesetMath: false,
     displayModeBar: id.startsWith("closeup") || narrow() ? false : "hover",
     modeBarButtons: [space
       ? ["toImage", "orbitRotation", "pan3d", "zoom3d", "resetCameraDefault3d"]
@@ -99,6 +100,12 @@ function framed() {
   const good = visible.filter((run) => !run.diverged);
   const least = Math.min(...good.map((run) => run.largest));
   return visible.filter((run) => run.diverged || run.largest <= data.far_worse * least);
+}
+
+// the runs whose worst point is written beside it: with many, the least and the greatest
+function labelled() {
+  const good = framed().filter((run) => run.worst).sort((a, b) => a.largest - b.largest);
+  return good.length <= 4 ? good : [good[0], good[good.length - 1]];
 }
 
 function lineText(line) {
