@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contourlab.contours.foot_points.cells import Cells
+from contourlab.contours.foot_points.formula_cells import FormulaCells
 from contourlab.contours.foot_points.local import (
     Foot,
     FootPoint,
@@ -46,18 +47,17 @@ def on_device(cells: Cells) -> Cells:
 
 
 def _begin_one(cells: Cells, q: Any, near: Any, piece: Any) -> Start:
-    row, s, lap = cells.place(near, piece)
-    begun = start(cells, q, row, s, lap)
-    if isinstance(cells, PathCells):
-        return begun
-    at, squared, sure = cells.quick(q, s)
-    quick = Foot(squared, row, at, lap)
-    foot = jax.tree.map(lambda a, b: jnp.where(sure, a, b), quick, begun.foot)
+    return start(cells, q, *cells.place(near, piece))
 
-    def halted(walker: Walker) -> Walker:
-        return walker._replace(left=jnp.where(sure, 0, walker.left))
 
-    return begun._replace(foot=foot, ahead=halted(begun.ahead), behind=halted(begun.behind))
+@jax.jit
+def _quick(cells: FormulaCells, q: Any, near: Any) -> tuple[FootPoint, Any]:
+    def one(q: Any, near: Any) -> tuple[FootPoint, Any]:
+        row, s, lap = cells.place(near, None)
+        at, squared, sure = cells.quick(q, s)
+        return finish(cells, q, Foot(squared, row, at, lap)), sure
+
+    return jax.vmap(one)(q, near)
 
 
 @jax.jit
@@ -136,14 +136,13 @@ def finish_all(cells: Cells, points: Values, feet: Foot) -> FootPoint:
     feet
         One per point.
     """
-    n, n_axes = points.shape
-    result = FootPoint(np.empty(n), np.empty((n, n_axes)), np.empty((n, n_axes)), np.empty(n))
+    result = _empty(points)
 
     def work(at: slice, size: int) -> None:
         part = jax.tree.map(lambda x: x[at], feet)
         _store(result, at, _finish(cells, padded(points[at], size), padded(part, size)))
 
-    side_by_side(work, n)
+    side_by_side(work, len(points))
     return result
 
 
@@ -159,8 +158,38 @@ def local_feet(cells: Cells, points: Values, near: Values) -> tuple[FootPoint, V
     points, near
         Shapes (n, n_axes) [m] and (n,).
     """
-    n, n_axes = points.shape
-    result = FootPoint(np.empty(n), np.empty((n, n_axes)), np.empty((n, n_axes)), np.empty(n))
+    if isinstance(cells, FormulaCells):
+        return _formula_feet(cells, points, near), np.zeros(0, np.intp)
+    return _searched(cells, points, near)
+
+
+def _formula_feet(cells: FormulaCells, points: Values, near: Values) -> FootPoint:
+    """Return local feet on a formula contour: the quick way for all, the long one for the rest."""
+    result = _empty(points)
+    certain = np.zeros(len(points), bool)
+
+    def work(at: slice, size: int) -> None:
+        quick, sure = _quick(cells, *padded((points[at], near[at]), size))
+        _store(result, at, quick)
+        certain[at] = np.asarray(sure)[: at.stop - at.start]
+
+    side_by_side(work, len(points))
+    rest = np.flatnonzero(~certain)
+    if len(rest):
+        searched, _ = _searched(cells, points[rest], near[rest])
+        for whole, part in zip(result, searched, strict=True):
+            whole[rest] = part
+    return result
+
+
+def _empty(points: Values) -> FootPoint:
+    n = len(points)
+    return FootPoint(np.empty(n), np.empty_like(points), np.empty_like(points), np.empty(n))
+
+
+def _searched(cells: Cells, points: Values, near: Values) -> tuple[FootPoint, Values]:
+    n = len(points)
+    result = _empty(points)
     breaks, ball, whole = None, None, np.zeros(n, bool)
     if isinstance(cells, PathCells):
         breaks, ball = np.asarray(cells.contour.breaks), _path_ball(cells)

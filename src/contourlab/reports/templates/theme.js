@@ -13,7 +13,7 @@ function numbers(packed) {
 // plotly reads a little HTML in its texts: names and program lines come from files
 function plain(text) {
   return String(text)
-    .replace(/&/g, "&amp;").replace(/>/g, "&gt;");
+    .replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/>/g, "&gt;");
 }
 
 function digits(value, count) {
