@@ -99,7 +99,10 @@ def jax_loop(machine, law, reference):
 
 
 def numpy_loop(law, reference, steps):
-    r, v, a = (np.asarray(x)[:steps] for x in (reference.position, reference.velocity, reference.acceleration))
+    r, v, a = (
+        np.asarray(x)[:steps]
+        for x in (reference.position, reference.velocity, reference.acceleration)
+    )
     kp, ki, kd = (np.broadcast_to(np.asarray(g), 2) for g in (law.kp, law.ki, law.kd))
     decay, tau = np.exp(-2 * np.pi * CUTOFF * DT), MASS / VISCOUS
     x = np.exp(-DT / tau)
@@ -130,7 +133,10 @@ def c_loop(law, reference, folder, flags=("-O2",)):
     subprocess.run(["gcc", *flags, "-shared", "-fPIC", "-o", library, source, "-lm"], check=True)
     function = ctypes.CDLL(str(library)).loop
     steps = reference.n_samples
-    arrays = [np.ascontiguousarray(x) for x in (reference.position, reference.velocity, reference.acceleration)]
+    arrays = [
+        np.ascontiguousarray(x)
+        for x in (reference.position, reference.velocity, reference.acceleration)
+    ]
     gains = [np.broadcast_to(np.asarray(g), 2) for g in (law.kp, law.ki, law.kd)]
     p = [DT, np.exp(-2 * np.pi * CUTOFF * DT)]
     for i in range(2):
@@ -139,9 +145,7 @@ def c_loop(law, reference, folder, flags=("-O2",)):
     pointer = ctypes.POINTER(ctypes.c_double)
 
     def run():
-        function(
-            ctypes.c_long(steps), *(x.ctypes.data_as(pointer) for x in (*arrays, p, out))
-        )
+        function(ctypes.c_long(steps), *(x.ctypes.data_as(pointer) for x in (*arrays, p, out)))
         return out
 
     return run
@@ -153,7 +157,10 @@ def control_loop(law, reference, steps):
     kp, ki, kd = (np.broadcast_to(np.asarray(g), 2) for g in (law.kp, law.ki, law.kd))
     decay, tau = np.exp(-2 * np.pi * CUTOFF * DT), MASS / VISCOUS
     x = np.exp(-DT / tau)
-    r, v, a = (np.asarray(y)[:steps] for y in (reference.position, reference.velocity, reference.acceleration))
+    r, v, a = (
+        np.asarray(y)[:steps]
+        for y in (reference.position, reference.velocity, reference.acceleration)
+    )
 
     def law_output(z, y):
         e = y[0:2] - y[6:8]
@@ -166,8 +173,13 @@ def control_loop(law, reference, steps):
         return np.concatenate([z[0:2] + np.where(held, 0.0, e * DT), e, d])
 
     controller = control.nlsys(
-        law_update, lambda t, z, y, params: law_output(z, y)[0], inputs=8, outputs=2, states=6,
-        dt=DT, name="law",
+        law_update,
+        lambda t, z, y, params: law_output(z, y)[0],
+        inputs=8,
+        outputs=2,
+        states=6,
+        dt=DT,
+        name="law",
     )
 
     def plant_update(t, z, u, params):
@@ -176,7 +188,12 @@ def control_loop(law, reference, steps):
         return np.concatenate([q, s + (z[2:4] - s) * x])
 
     plant = control.nlsys(
-        plant_update, lambda t, z, u, params: z[0:2], inputs=2, outputs=2, states=4, dt=DT,
+        plant_update,
+        lambda t, z, u, params: z[0:2],
+        inputs=2,
+        outputs=2,
+        states=4,
+        dt=DT,
         name="plant",
     )
     loop = control.interconnect(

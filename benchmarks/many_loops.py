@@ -1,6 +1,6 @@
 """simulate_many for 1, 10, 100 and 1000 machines, per machine-step.
 
-    python benchmarks/many_loops.py [--json]
+python benchmarks/many_loops.py [--json]
 """
 
 from __future__ import annotations
@@ -55,12 +55,14 @@ def main():
             times = []
             for _ in range(3):
                 begin = time.perf_counter()
-                cl.simulate_many(
-                    stage, law, reference, vary={"controller.kp": kp}, metrics=metrics
-                )
+                cl.simulate_many(stage, law, reference, vary={"controller.kp": kp}, metrics=metrics)
                 times.append(time.perf_counter() - begin)
             rows.append(
-                {"case": case, "machines": lanes, "us_per_machine_step": min(times) / lanes / STEPS * 1e6}
+                {
+                    "case": case,
+                    "machines": lanes,
+                    "us_per_machine_step": min(times) / lanes / STEPS * 1e6,
+                }
             )
     if options.json:
         print(json.dumps({"steps": STEPS, "rows": rows}))

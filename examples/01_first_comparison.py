@@ -8,9 +8,7 @@ import numpy as np
 import contourlab as cl
 
 contour = cl.contours.Ellipse(semi_axes=(0.03, 0.01))
-reference = cl.feedrate.constant_rate(
-    contour, rate=1.8 * np.pi, duration=2.2, sample_time=1e-3
-)
+reference = cl.feedrate.constant_rate(contour, rate=1.8 * np.pi, duration=2.2, sample_time=1e-3)
 machine = cl.machines.published.meng_xy_stage()
 
 pid = cl.controllers.AxisPid.by_pole_placement(

@@ -30,7 +30,7 @@ _NAMES = {
     "simulate_many": "contourlab.simulation",
 }
 
-__all__ = [*_PACKAGES, *_NAMES, "__version__"]  # noqa: PLE0604  (all strings)
+__all__ = [*_PACKAGES, *_NAMES, "__version__"]
 
 
 def _use_float64() -> None:

@@ -83,7 +83,9 @@ def real(
     return eqx.field(converter=_as_leaf, metadata={"real": bounds}, kw_only=True, **keywords)
 
 
-def static(*, allowed: tuple[Any, ...] | None = None, minimum: int | None = None, **keywords: Any) -> Any:
+def static(
+    *, allowed: tuple[Any, ...] | None = None, minimum: int | None = None, **keywords: Any
+) -> Any:
     """Declare a field that decides structure: a count, a flag, a name. Not a leaf.
 
     Parameters
@@ -246,7 +248,9 @@ def replace_at(configuration: T, path: str, value: Any) -> T:
         return cast(T, tuple(items))
     if isinstance(configuration, Mapping):
         if head not in configuration:
-            raise ConfigurationError(f"no entry {head!r}; " + choices(head, map(str, configuration)))
+            raise ConfigurationError(
+                f"no entry {head!r}; " + choices(head, map(str, configuration))
+            )
         entry = replace_at(configuration[head], rest, value) if rest else value
         return cast(T, {**configuration, head: entry})
     if not dataclasses.is_dataclass(configuration) or head not in configurable(configuration):

@@ -9,9 +9,8 @@ from __future__ import annotations
 from typing import Any, TypeAlias
 
 import jax
-import numpy as np
-from numpy.typing import NDArray
 from jaxtyping import Bool, Float, Int
+from numpy.typing import NDArray
 
 __all__ = [
     "Array",

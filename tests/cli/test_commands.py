@@ -79,7 +79,9 @@ def test_simulate_one_of_several(folder):
     run = contourlab(folder, "simulate", "s.toml", "--json")
     assert run.returncode == 2
     assert "choose one with --controller: slow, fast" in run.stderr
-    run = contourlab(folder, "simulate", "s.toml", "--controller", "slow", "--output", "r.csv", "--json")
+    run = contourlab(
+        folder, "simulate", "s.toml", "--controller", "slow", "--output", "r.csv", "--json"
+    )
     assert run.returncode == 0, run.stderr
     result = json.loads(run.stdout)
     assert result["schema"] == "contourlab.simulate/1"
@@ -141,5 +143,7 @@ def test_an_interrupt_leaves_nothing_half_written(folder):
     if process.returncode == 0:
         pytest.skip("the run was over before the interrupt came")
     assert process.returncode == 130, errors
-    assert not list(folder.rglob("*.html")) or (folder / "out" / "report.html").stat().st_size > 1000
+    assert (
+        not list(folder.rglob("*.html")) or (folder / "out" / "report.html").stat().st_size > 1000
+    )
     assert not [p for p in folder.rglob(".*") if p.is_file()]

@@ -135,9 +135,7 @@ def test_nan_from_a_law_is_reported():
 def test_disturbances_act_on_schedule():
     push = StepDisturbance(axis=1, amplitude=0.5, start=0.1, stop=0.2)
     reference = line_reference((0.0, 0.0001), n=300)
-    recording = cl.simulate(
-        velocity_stage(), Proportional(k=0.0), reference, disturbances=[push]
-    )
+    recording = cl.simulate(velocity_stage(), Proportional(k=0.0), reference, disturbances=[push])
     y = np.asarray(recording["actual"])[:, 1]
     assert_array_equal(y[:101], 0.0)
     assert y[102] > 0.0
@@ -146,9 +144,7 @@ def test_disturbances_act_on_schedule():
 
 def test_progress_reaches_one():
     seen = []
-    cl.simulate(
-        velocity_stage(), Proportional(k=30.0), line_reference(n=600), progress=seen.append
-    )
+    cl.simulate(velocity_stage(), Proportional(k=30.0), line_reference(n=600), progress=seen.append)
     assert seen == sorted(seen)
     assert seen[-1] == 1.0
 
@@ -250,6 +246,4 @@ def test_a_contour_is_no_reference(monkeypatch):
 def test_a_disturbance_on_no_axis_is_refused():
     push = StepDisturbance(axis=2, amplitude=1.0)
     with pytest.raises(cl.errors.ContourlabError, match="axis must be < 2"):
-        cl.simulate(
-            velocity_stage(), Proportional(k=1.0), line_reference(), disturbances=[push]
-        )
+        cl.simulate(velocity_stage(), Proportional(k=1.0), line_reference(), disturbances=[push])

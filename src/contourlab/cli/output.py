@@ -24,6 +24,7 @@ __all__ = [
 ]
 
 REPORT = "report.html"
+FIGURES = ("path.png", "contour_error.png", "commands.png", "summary.png")
 
 
 def recording_file(name: str) -> str:
@@ -38,7 +39,7 @@ def recording_file(name: str) -> str:
 
 
 def comparison_files(controllers: Iterable[str]) -> list[str]:
-    """Return the names of the files that a comparison writes, figures apart.
+    """Return the names of the files that a comparison writes.
 
     Parameters
     ----------
@@ -49,7 +50,7 @@ def comparison_files(controllers: Iterable[str]) -> list[str]:
     for k, name in enumerate(files):
         if name in files[:k]:
             raise OutputError(f"two controllers would both be written to {name}; rename one")
-    return [REPORT, *files]
+    return [REPORT, *FIGURES, *files]
 
 
 def refuse_files(folder: Path, names: Iterable[str], *, force: bool) -> None:
@@ -115,7 +116,9 @@ def choose_controller(controllers: Mapping[str, Controller], name: str | None) -
             + ", ".join(controllers)
         )
     if name not in controllers:
-        raise ScenarioError(f"--controller {name}: no such controller; {choices(name, controllers)}")
+        raise ScenarioError(
+            f"--controller {name}: no such controller; {choices(name, controllers)}"
+        )
     return name
 
 

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from contourlab.configuration import replace
 from contourlab.contours.base import Contour
 from contourlab.contours.part import Part
 from contourlab.contours.path import Path
@@ -163,7 +164,7 @@ def plan_feed(
             "the contour is rougher than its samples show"
         )
     said = remarks(motion, axis_limits)
-    reference = _with_warnings(reference, (*program.warnings, *said))
+    reference = replace(reference, warnings=(*program.warnings, *said))
     return Plan(
         reference=reference,
         stop_times=motion.arrives,
@@ -183,12 +184,6 @@ def _sampled(contour: Contour, table: ArcLength, profile: Profile, dt: float) ->
         contour, sample_time=dt, parameter=parameter[0], parameter_rate=parameter[1],
         parameter_acceleration=parameter[2], parameter_jerk=parameter[3],
     )  # fmt: skip
-
-
-def _with_warnings(reference: Reference, warnings: tuple[str, ...]) -> Reference:
-    from contourlab.configuration import replace
-
-    return replace(reference, warnings=warnings)
 
 
 def _worst(reference: Reference, limits: AxisLimits) -> float:

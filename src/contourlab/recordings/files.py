@@ -24,7 +24,9 @@ def refuse_existing(file: str | FilePath, *, force: bool) -> None:
         Whether it may be replaced.
     """
     if FilePath(file).exists() and not force:
-        raise OutputError(f"{file} exists already; choose another name or pass --force (force=True)")
+        raise OutputError(
+            f"{file} exists already; choose another name or pass --force (force=True)"
+        )
 
 
 @contextmanager

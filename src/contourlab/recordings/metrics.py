@@ -146,7 +146,9 @@ def evaluate_metric(
     values = {}
     for key in metric.requires:
         variable = dataset[key]
-        values[key] = np.asarray(variable)[keep] if "time" in variable.dims else np.asarray(variable)
+        values[key] = (
+            np.asarray(variable)[keep] if "time" in variable.dims else np.asarray(variable)
+        )
     result = metric.compute(values)
     if "diverged_at" in dataset.attrs:
         return [float("nan")] * len(result) if isinstance(result, list) else float("nan")

@@ -177,9 +177,7 @@ class Recording:
                 columns[str(name)] = np.asarray(variable)
             elif len(variable.dims) == 2 and variable.dims[0] == "time":
                 for label in np.asarray(variable[variable.dims[1]]):
-                    columns[f"{name}_{label}"] = np.asarray(
-                        variable.sel({variable.dims[1]: label})
-                    )
+                    columns[f"{name}_{label}"] = np.asarray(variable.sel({variable.dims[1]: label}))
         return pd.DataFrame(columns, index=pd.Index(np.asarray(self.dataset["time"]), name="time"))
 
     def to_csv(self, file: str | FilePath, *, force: bool = False) -> None:

@@ -89,7 +89,9 @@ def _of_axes(section: MachineSection) -> Machine:
         if any(axis.coulomb or axis.breakaway for axis in axes):
             friction = Friction(
                 coulomb=[axis.coulomb for axis in axes],
-                breakaway=[axis.coulomb if axis.breakaway is None else axis.breakaway for axis in axes],
+                breakaway=[
+                    axis.coulomb if axis.breakaway is None else axis.breakaway for axis in axes
+                ],
                 stribeck_velocity=[axis.stribeck_velocity for axis in axes],
                 smoothing_velocity=[axis.smoothing_velocity for axis in axes],
             )

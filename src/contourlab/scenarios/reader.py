@@ -173,7 +173,9 @@ def _build(sections: ScenarioSections, text: str, name: str, folder: FilePath) -
     )  # fmt: skip
 
 
-def _contour(section: PartSection, machine: Machine, folder: FilePath) -> tuple[Contour, Part | None]:
+def _contour(
+    section: PartSection, machine: Machine, folder: FilePath
+) -> tuple[Contour, Part | None]:
     if section.file is not None:
         from contourlab.contours.gcode import read_gcode
 
@@ -227,7 +229,7 @@ def _controller(value: Any, key: Key, machine: Machine) -> Controller:
 
 
 def _given(cls: type, machine: Machine) -> dict[str, Any]:
-    return {"model": machine.nominal} if "model" in getattr(cls, "__dataclass_fields__") else {}
+    return {"model": machine.nominal} if "model" in cls.__dataclass_fields__ else {}
 
 
 def _estimator(value: Any, key: Key) -> Any:
@@ -241,16 +243,12 @@ def _disturbance(value: Any, key: Key, machine: Machine) -> Disturbance:
     axis = values.get("axis")
     if isinstance(axis, str):
         if axis not in machine.names:
-            raise KeyedError(
-                (*key, "axis"), f"no axis {axis!r}; {choices(axis, machine.names)}"
-            )
+            raise KeyedError((*key, "axis"), f"no axis {axis!r}; {choices(axis, machine.names)}")
         values["axis"] = machine.names.index(axis)
     return make(cls, values, key)  # type: ignore[no-any-return]
 
 
-def _typed(
-    value: Any, key: Key, kind: str, table: dict[str, type]
-) -> tuple[type, dict[str, Any]]:
+def _typed(value: Any, key: Key, kind: str, table: dict[str, type]) -> tuple[type, dict[str, Any]]:
     if not isinstance(value, Mapping) or "type" not in value:
         raise KeyedError(key, f"a {kind} needs type; {choices('', table)}")
     values = dict(value)
@@ -278,9 +276,7 @@ def _reference(
             curve, rate=feed.rate, duration=feed.duration, sample_time=sample_time
         ), ()
     assert feed.feed is not None
-    return constant_feed(
-        curve, feed=feed.feed, sample_time=sample_time, duration=feed.duration
-    ), ()
+    return constant_feed(curve, feed=feed.feed, sample_time=sample_time, duration=feed.duration), ()
 
 
 def _dotted(key: Key) -> str:

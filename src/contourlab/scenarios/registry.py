@@ -63,7 +63,9 @@ def machines() -> dict[str, Callable[..., Any]]:
     from contourlab.machines import examples, published
 
     return {
-        name: getattr(package, name) for package in (examples, published) for name in package.__all__
+        name: getattr(package, name)
+        for package in (examples, published)
+        for name in package.__all__
     }
 
 

@@ -140,7 +140,9 @@ class MachineSection(BaseModel):
     @model_validator(mode="after")
     def _one_of(self) -> MachineSection:
         if (self.name is None) == (self.axis is None):
-            raise ValueError("give either name (an example or published machine) or [[machine.axis]]")
+            raise ValueError(
+                "give either name (an example or published machine) or [[machine.axis]]"
+            )
         if self.axis is not None:
             if self.model_extra:
                 name = next(iter(self.model_extra))

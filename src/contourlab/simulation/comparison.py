@@ -86,7 +86,7 @@ class Comparison:
         return min(values, key=values.__getitem__) if values else None
 
     def table(self) -> pd.DataFrame:
-        """Return all metrics in SI, one row per controller; a vector metric has a column per axis."""
+        """Return all metrics in SI: a row per controller; a vector metric has a column per axis."""
         import pandas as pd
 
         rows: dict[str, dict[str, Any]] = {}

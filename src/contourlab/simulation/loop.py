@@ -26,7 +26,16 @@ from contourlab.recordings.reference import Reference, ReferencePoint
 from contourlab.recordings.sample import Sample
 from contourlab.typing import Array, Scalar
 
-__all__ = ["Carry", "Rows", "chunk_size", "first_carry", "geometry_rows", "run_chunk", "outputs_of", "split"]
+__all__ = [
+    "Carry",
+    "Rows",
+    "chunk_size",
+    "first_carry",
+    "geometry_rows",
+    "outputs_of",
+    "run_chunk",
+    "split",
+]
 
 DIVERGED_FACTOR = 10.0
 CHUNKS = (256, 1024, 4096, 16384)

@@ -1,7 +1,8 @@
 """Many closed loops at once: ``vmap`` over the same code as one run.
 
-Metrics are reduced inside the loop, chunk by chunk; only what ``record`` names is kept. A diverged
-lane freezes and reports when; its metrics are NaN.
+Metrics are reduced chunk by chunk; only what ``record`` names is kept. A diverged lane freezes and
+reports when; its metrics are NaN. The exact contour error of a chunk is found outside the loop, all
+lanes and steps in one batch, where points that need a longer search do not hold up the others.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 
 from contourlab.configuration import replace_at, resolve
 from contourlab.contours.base import Contour
-from contourlab.contours.foot_points import cells_of, local_foot
+from contourlab.contours.foot_points import foot_point
 from contourlab.controllers.base import Controller, Needs
 from contourlab.errors import RecordingError, SimulationError, choices
 from contourlab.machines import Disturbance, Machine
@@ -143,25 +144,38 @@ def simulate_many(
     reach = loop_reach(reference)
     # static, since the number of commands that wait in a drive's delay depends on it
     sample_time = float(np.asarray(reference.sample_time))
+    inner = tuple(name for name in wanted if name not in _EXACT | _ESTIMATE)
+    judged = _Judged(reference.contour, wanted, lanes)
+    judge = bool(judged.names) or "contour_error_vector" in record
+    streams = {name for name in record if name != "contour_error_vector"}
+    streams |= {"tool"} if judge else set()
+    streams |= {"contour_error_estimate"} if _ESTIMATE & set(wanted) else set()
     carry: Any = None
     kept: list[dict[str, Any]] = []
     chunks = split(reference, size, needs.preview)
     for number, points in enumerate(chunks):
         if carry is None:
             carry = _first(batched, reference.contour, points, keys, sample_time,
-                           in_axes=in_axes, needs=needs, wanted=wanted)  # fmt: skip
+                           in_axes=in_axes, needs=needs, wanted=inner)  # fmt: skip
         carry, out = _chunk(
             batched, reference.contour, carry, points, sample_time, reach,
-            np.int32(n), in_axes=in_axes, needs=needs, n_steps=size, wanted=wanted,
-            record=tuple(record),
+            np.int32(n), in_axes=in_axes, needs=needs, n_steps=size, wanted=inner,
+            record=tuple(sorted(streams)),
         )  # fmt: skip
+        rows = {name: np.asarray(value) for name, value in out.items()}
+        if judge:
+            lost = np.asarray(carry[0].diverged_step)
+            end = np.where(lost < 0, n, lost)
+            valid = number * size + np.arange(size) < end[:, None]
+            vector = judged.add(rows, valid, np.asarray(points.parameter)[:size])
+            rows["contour_error_vector"] = vector
         if record:
-            kept.append({name: np.asarray(value) for name, value in out.items()})
+            kept.append({name: rows[name] for name in record})
         if progress is not None:
             progress((number + 1) / len(chunks))
         if bool(np.all(np.asarray(carry[0].diverged_step) >= 0)):
             break
-    return _dataset(machine, reference, values, carry, wanted, kept, n)
+    return _dataset(machine, reference, values, carry, wanted, kept, n, judged)
 
 
 def _lanes(vary: Mapping[str, Any]) -> tuple[int, dict[str, NDArray[Any]]]:
@@ -250,6 +264,45 @@ def _has_estimate(law: Any, reference: Reference, needs: Needs) -> bool:
     return "contour_error_estimate" in jax.eval_shape(shape)
 
 
+class _Judged:
+    """Sums and maxima of what is judged by the exact contour error, over lanes."""
+
+    def __init__(self, contour: Contour, wanted: tuple[str, ...], lanes: int) -> None:
+        self.contour = contour
+        self.names = tuple(name for name in wanted if name in _EXACT | _ESTIMATE)
+        self.sums = {name: np.zeros(lanes) for name in self.names if not name.endswith("_max")}
+        self.maxima = {name: np.zeros(lanes) for name in self.names if name.endswith("_max")}
+
+    def add(
+        self, rows: Mapping[str, NDArray[Any]], valid: NDArray[Any], parameter: NDArray[Any]
+    ) -> NDArray[Any]:
+        """Take in a chunk and return its contour error vectors, NaN where a lane is lost.
+
+        Parameters
+        ----------
+        rows
+            ``tool`` and, if asked for, ``contour_error_estimate``, (lanes, steps, coordinates) [m].
+        valid
+            Which of them count, (lanes, steps).
+        parameter
+            Of the reference, (steps,).
+        """
+        near = np.broadcast_to(parameter, valid.shape)[valid]
+        vector = np.full(rows["tool"].shape, np.nan)
+        vector[valid] = foot_point(self.contour, rows["tool"][valid], near=near).vector
+        sizes = {"contour_error": vector}
+        if "contour_error_estimate" in rows:
+            sizes["estimate_error"] = rows["contour_error_estimate"] - vector
+        for name in self.names:
+            what, how = name.rsplit("_", 1)
+            value = np.where(valid, np.linalg.norm(sizes[what], axis=-1), 0.0)
+            if how == "max":
+                self.maxima[name] = np.maximum(self.maxima[name], value.max(axis=1))
+            else:
+                self.sums[name] += (value**2 if how == "rms" else value).sum(axis=1)
+        return vector
+
+
 @functools.partial(jax.jit, static_argnames=("sample_time", "in_axes", "needs", "wanted"))
 def _first(
     loop: Any, contour: Contour, points: ReferencePoint, keys: Array, sample_time: float, *,
@@ -283,7 +336,6 @@ def _chunk(
     record: tuple[str, ...],
 ) -> tuple[Any, dict[str, Array]]:  # fmt: skip
     geometry = geometry_rows(contour, points.parameter[:n_steps], needs.derivatives)
-    cells = cells_of(contour)
     here = jax.tree.map(lambda x: x[:n_steps], points)
 
     def lane(loop: Any, carry: tuple[Carry, _Sums]) -> Any:
@@ -299,14 +351,10 @@ def _chunk(
         valid = step < end
         signals = dict(out)
         signals["tracking_error"] = here.position - out["actual"]
-        if (_EXACT | _ESTIMATE) & set(wanted) or "contour_error_vector" in record:
-            tool = jax.vmap(machine.tool.tool_from_axes)(out["actual"])
-            # a lane that is lost is judged at its reference: the value is masked below
-            start = jax.vmap(machine.tool.tool_from_axes)(here.position)
-            tool = jnp.where(valid[:, None], tool, start)
-            signals["contour_error_vector"] = jax.vmap(
-                lambda point, near: local_foot(cells, point, near).vector
-            )(tool, here.parameter)
+        if "tool" in record:
+            signals["tool"] = jax.vmap(machine.tool.tool_from_axes)(out["actual"])
+        if "contour_error_estimate" in record:
+            signals["contour_error_estimate"] = out["telemetry"]["contour_error_estimate"]
         limit = machine.command_limit
         sums = _reduce(sums, signals, valid, limit, wanted)
         return (after, sums), {name: signals[name] for name in record}
@@ -321,12 +369,8 @@ def _reduce(
         return jnp.sqrt(jnp.sum(x * x, axis=-1))
 
     magnitude: dict[str, Callable[[], Array]] = {
-        "contour_error": lambda: size(signals["contour_error_vector"]),
         "tracking_error": lambda: size(signals["tracking_error"]),
         "command": lambda: jnp.abs(signals["command"]),
-        "estimate_error": lambda: size(
-            signals["telemetry"]["contour_error_estimate"] - signals["contour_error_vector"]
-        ),
         "saturation": lambda: jnp.any(
             jnp.abs(signals["command"]) >= limit * (1.0 - 1e-12), axis=-1
         ).astype(float),
@@ -349,13 +393,15 @@ def _reduce(
 
 def _dataset(
     machine: Machine, reference: Reference, values: Mapping[str, Any], carry: Any,
-    wanted: tuple[str, ...], kept: list[dict[str, Any]], n: int,
+    wanted: tuple[str, ...], kept: list[dict[str, Any]], n: int, judged: _Judged,
 ) -> xr.Dataset:  # fmt: skip
     import xarray as xr
 
     from contourlab.recordings.metrics import METRICS
 
     state, sums = carry
+    totals = {**sums.sums, **judged.sums}
+    maxima = {**sums.maxima, **judged.maxima}
     step = np.asarray(state.diverged_step)
     diverged = (step >= 0) & (step < n)
     count = np.maximum(np.asarray(sums.count), 1.0)
@@ -365,10 +411,10 @@ def _dataset(
         extra = [f"{path}_{k}" for k in range(value.ndim - 1)]
         data[path] = (("lane", *extra), value)
     for name in wanted:
-        if name in sums.maxima:
-            result = np.asarray(sums.maxima[name])
+        if name in maxima:
+            result = np.asarray(maxima[name])
         else:
-            total = np.asarray(sums.sums[name])
+            total = np.asarray(totals[name])
             mean = total / (count[:, None] if total.ndim == 2 else count)
             if name == "saturation_time":
                 result = total * sample_time
@@ -378,7 +424,11 @@ def _dataset(
         result = np.where(mask, np.nan, result)
         dims = ("lane", "axis") if result.ndim == 2 else ("lane",)
         data[name] = (dims, result, {"units": METRICS[name].unit, "meaning": METRICS[name].meaning})
-    data["diverged_at"] = (("lane",), np.where(diverged, step * sample_time, np.nan), {"units": "s"})
+    data["diverged_at"] = (
+        ("lane",),
+        np.where(diverged, step * sample_time, np.nan),
+        {"units": "s"},
+    )
     data["diverged_axis"] = (("lane",), _axes_lost(machine, state, reference, step, diverged))
     if kept:
         same = machine.tool.n_coordinates is None

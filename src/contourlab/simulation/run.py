@@ -7,6 +7,7 @@ import json
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import equinox as eqx
 import jax
 import numpy as np
 from numpy.typing import NDArray
@@ -139,7 +140,8 @@ def check_loop(machine: Machine, controller: Controller, reference: Reference) -
     """
     if not isinstance(reference, Reference):
         raise SimulationError(
-            f"reference must be a Reference, as cl.feedrate makes it, got {type(reference).__name__}"
+            "reference must be a Reference, as cl.feedrate makes it, "
+            f"got {type(reference).__name__}"
         )
     law = type(controller).__name__
     if controller.n_axes != machine.n_axes:
@@ -161,6 +163,11 @@ def check_loop(machine: Machine, controller: Controller, reference: Reference) -
             f"the contour has {reference.contour.n_axes} coordinates, the tool has {coordinates}"
         )
     check_travel(machine, reference)
+
+
+def _shown(value: Any) -> str:
+    """Return a configuration with its numbers."""
+    return eqx.tree_pformat(value, short_arrays=False)
 
 
 def check_travel(machine: Machine, reference: Reference) -> None:
@@ -279,10 +286,10 @@ def _recording(
         "contourlab": contourlab.__version__,
         "controller": name,
         "controller_class": type(controller).__name__,
-        "configuration": repr(controller),
-        "machine": repr(machine),
+        "configuration": _shown(controller),
+        "machine": _shown(machine),
         "contour": type(reference.contour).__name__,
-        "disturbances": repr(disturbances),
+        "disturbances": _shown(disturbances),
         "sample_time": float(np.asarray(reference.sample_time)),
         "seed": seed,
         "outcome": "normal",

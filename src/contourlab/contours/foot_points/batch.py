@@ -8,6 +8,7 @@ of a chunk.
 
 from __future__ import annotations
 
+import functools
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -35,6 +36,8 @@ __all__ = ["LARGE", "SMALL", "finish_all", "local_feet", "on_device", "padded", 
 
 LARGE, SMALL = 1 << 16, 1 << 11
 """Lanes of a chunk: of two sizes only, so that nothing is compiled for a new number of points."""
+QUICK_STEPS = (3, 8)
+"""Newton steps of the quick way: few for all points, more for those that need them."""
 _ONE_BY_ONE = 6
 """Rounds of one cell each, before the stragglers go on together."""
 
@@ -50,12 +53,22 @@ def _begin_one(cells: Cells, q: Any, near: Any, piece: Any) -> Start:
     return start(cells, q, *cells.place(near, piece))
 
 
-@jax.jit
-def _quick(cells: FormulaCells, q: Any, near: Any) -> tuple[FootPoint, Any]:
+@functools.partial(jax.jit, static_argnames="steps")
+def _quick(cells: FormulaCells, q: Any, near: Any, steps: int) -> tuple[FootPoint, Any]:
+    contour = cells.contour
+
     def one(q: Any, near: Any) -> tuple[FootPoint, Any]:
         row, s, lap = cells.place(near, None)
-        at, squared, sure = cells.quick(q, s)
-        return finish(cells, q, Foot(squared, row, at, lap)), sure
+        at, squared, r, sure = cells.newton(q, s, steps)
+        vector = r[0] - q
+        norm = distance = jnp.sqrt(squared)
+        if contour.n_axes == 2:
+            across = r[1, 0] * vector[1] - r[1, 1] * vector[0]
+            distance = across / jnp.sqrt(r[1, 0] ** 2 + r[1, 1] ** 2)
+            if not contour.closed:
+                end = (at <= 0.0) | (at >= cells.extent(row))
+                distance = jnp.where(end, jnp.where(across < 0.0, -norm, norm), distance)
+        return FootPoint(cells.parameter(row, at, lap), r[0], vector, distance), sure
 
     return jax.vmap(one)(q, near)
 
@@ -166,20 +179,28 @@ def local_feet(cells: Cells, points: Values, near: Values) -> tuple[FootPoint, V
 def _formula_feet(cells: FormulaCells, points: Values, near: Values) -> FootPoint:
     """Return local feet on a formula contour: the quick way for all, the long one for the rest."""
     result = _empty(points)
-    certain = np.zeros(len(points), bool)
+    rest = np.arange(len(points))
+    for steps in QUICK_STEPS:
+        certain = np.zeros(len(rest), bool)
+        found = _empty(points[rest])
 
-    def work(at: slice, size: int) -> None:
-        quick, sure = _quick(cells, *padded((points[at], near[at]), size))
-        _store(result, at, quick)
-        certain[at] = np.asarray(sure)[: at.stop - at.start]
+        def work(at: slice, size: int) -> None:
+            q, parameter = padded((points[rest[at]], near[rest[at]]), size)  # noqa: B023
+            quick, sure = _quick(cells, q, parameter, steps)  # noqa: B023
+            _store(found, at, quick)  # noqa: B023
+            certain[at] = np.asarray(sure)[: at.stop - at.start]  # noqa: B023
 
-    side_by_side(work, len(points))
-    rest = np.flatnonzero(~certain)
+        side_by_side(work, len(rest))
+        _put(result, rest, found)
+        rest = rest[~certain]
     if len(rest):
-        searched, _ = _searched(cells, points[rest], near[rest])
-        for whole, part in zip(result, searched, strict=True):
-            whole[rest] = part
+        _put(result, rest, _searched(cells, points[rest], near[rest])[0])
     return result
+
+
+def _put(result: FootPoint, rows: Values, values: FootPoint) -> None:
+    for whole, part in zip(result, values, strict=True):
+        whole[rows] = part
 
 
 def _empty(points: Values) -> FootPoint:

@@ -67,33 +67,51 @@ class FormulaCells(Cells):
         return row, s, lap
 
     def quick(self, q: Array, s: Array) -> tuple[Array, Array, Array]:
-        """Return a cheap nearest parameter, its squared distance, and whether it is certain.
+        """Return a cheap nearest parameter, its squared distance, and whether it is certain."""
+        x, squared, _, sure = self.newton(q, s, QUICK_STEPS)
+        return x, squared, sure
 
-        By Newton's method from the reference point; certain where the error is below the cell's
-        safe one (see :func:`safe_errors`), so that there is one minimum, and the steps died out.
+    def newton(self, q: Array, s: Array, steps: int) -> tuple[Array, Array, Array, Array]:
+        """Return a cheap nearest parameter, its squared distance, its point and whether it is sure.
+
+        By Newton's method from the reference point; sure where the error is below the cell's safe
+        one (see :func:`safe_errors`), so that there is one minimum, and the steps died out. The
+        steps are written out, and products of vectors by component: XLA then makes one loop of it
+        over a batch, four times faster than its own loops and batched products.
+
+        Parameters
+        ----------
+        q
+            The point, shape (n_axes,) [m].
+        s
+            The row's own parameter at the reference point.
+        steps
+            Newton steps.
+
+        Returns
+        -------
+        parameter, squared, derivatives, sure
+            The nearest parameter, its squared distance [m²], point and derivatives to the second
+            there, whether all that is certain.
         """
         extent = self.extent(jnp.zeros((), jnp.int32))
         row = jnp.zeros((), jnp.int32)
-        r = self.curve(row, s, 2)
-        d = r[0] - q
-        error2 = d @ d
+        x, r = s, self.curve(row, s, 2)
+        error2 = _product(r[0] - q, r[0] - q)
         safe = self.safe(s)
-        sure = error2 <= safe * safe
-
-        def newton(_: Any, state: Any) -> Any:
-            x, r, _ = state
+        last = jnp.inf + 0.0 * s
+        for _ in range(steps):
             d = r[0] - q
-            new = x - (d @ r[1]) / (r[1] @ r[1] + d @ r[2])
+            speed2 = _product(r[1], r[1])
+            new = x - _product(d, r[1]) / (speed2 + _product(d, r[2]))
             if not self.contour.closed:
                 new = jnp.clip(new, 0.0, extent)
-            return new, self.curve(row, new, 2), jnp.abs(new - x) * jnp.sqrt(r[1] @ r[1])
-
-        state = (s, r, jnp.inf + 0.0 * s)
-        x, r, last = jax.lax.fori_loop(0, QUICK_STEPS, newton, state)
+            last = jnp.abs(new - x) * jnp.sqrt(speed2)
+            x, r = new, self.curve(row, new, 2)
         d = r[0] - q
         # Newton's method ends quadratically: the step before last was this small
         small = last <= 1e-8 * jnp.sqrt(error2) + 1e-13
-        return x, d @ d, sure & small
+        return x, _product(d, d), r, (error2 <= safe * safe) & small
 
     def safe(self, s: Array) -> Array:
         """Return the error up to which a point referred to ``s`` has one foot on its stretch."""
@@ -124,6 +142,14 @@ class FormulaCells(Cells):
         """Return whether the row is simple, its angle rate, and origin, tangent and normal."""
         zero = jnp.zeros(self.contour.n_axes)
         return row < 0, jnp.zeros(()), (zero, zero, zero)
+
+
+def _product(a: Array, b: Array) -> Array:
+    """Return the scalar product by component."""
+    total = a[0] * b[0]
+    for k in range(1, a.shape[0]):
+        total = total + a[k] * b[k]
+    return total
 
 
 def safe_errors(contour: Contour) -> Array:
