@@ -1,8 +1,8 @@
 """One closed loop: contourlab against a NumPy loop, python-control and a C loop written by hand.
 
-The same two axes (mass and viscous friction, exact zero-order hold) under the same PID with filtered
-derivative and feed-forward, along the same ellipse. All four must give the same motion before any
-is timed. Ratios are taken in one run on one machine.
+The same two axes (mass and viscous friction, exact zero-order hold) under the same PID with
+filtered derivative and feed-forward, along the same ellipse. All four must give the same motion
+before any is timed. Ratios are taken in one run on one machine.
 
     python benchmarks/closed_loop.py [--json] [--steps 300000]
 """
@@ -44,7 +44,8 @@ void loop(long n, const double *r, const double *v, const double *a, const doubl
             out[2 * k + i] = q[i];
             d[i] = decay * d[i] + (1.0 - decay) * (e - last[i]) / dt;
             last[i] = e;
-            double u = g[0] * e + g[1] * I[i] + g[2] * d[i] + g[3] * a[2 * k + i] + g[4] * v[2 * k + i];
+            double ff = g[3] * a[2 * k + i] + g[4] * v[2 * k + i];
+            double u = g[0] * e + g[1] * I[i] + g[2] * d[i] + ff;
             double c = fmin(fmax(u, -g[5]), g[5]);
             if ((u - c) * e <= 0.0) I[i] += e * dt;
             double tau = g[3] / g[4], x = exp(-dt / tau), s = c / g[4];
@@ -250,6 +251,7 @@ def main():
         ]  # fmt: skip
         stiff, law2, _ = scenario(options.steps, friction=True)
         friction = best(jax_loop(stiff, law2, reference), 3)
+        cl.simulate(machine, law, reference)  # compiles
         begin = time.perf_counter()
         cl.simulate(machine, law, reference)
         whole = time.perf_counter() - begin

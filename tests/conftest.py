@@ -8,7 +8,8 @@ import pytest
 
 import contourlab  # noqa: F401  (float64)
 
-_CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "contourlab" / "jax-tests"
+_HOME = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+_CACHE = _HOME / "contourlab" / "jax-tests"
 
 
 def pytest_configure(config: pytest.Config) -> None:

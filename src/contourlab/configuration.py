@@ -35,7 +35,13 @@ __all__ = [
 
 
 def is_concrete(value: object) -> bool:
-    """Return whether a value is known now, and not a tracer of ``jit``, ``vmap`` or ``grad``."""
+    """Return whether a value is known now, and not a tracer of ``jit``, ``vmap`` or ``grad``.
+
+    Parameters
+    ----------
+    value
+        Anything.
+    """
     return not isinstance(value, jax.core.Tracer)
 
 
@@ -102,7 +108,13 @@ def static(
 
 
 def part(**keywords: Any) -> Any:
-    """Declare a field that holds another configuration, or a tuple of them."""
+    """Declare a field that holds another configuration, or a tuple of them.
+
+    Parameters
+    ----------
+    **keywords
+        Passed to ``dataclasses.field``, such as ``default``.
+    """
     return eqx.field(kw_only=True, **keywords)
 
 
@@ -193,7 +205,13 @@ T = TypeVar("T")
 
 
 def configurable(value: object) -> tuple[str, ...]:
-    """Return the names of the fields that ``replace`` may change."""
+    """Return the names of the fields that ``replace`` may change.
+
+    Parameters
+    ----------
+    value
+        A configuration.
+    """
     return tuple(f.name for f in dataclasses.fields(cast(Any, value)) if f.init)
 
 

@@ -108,6 +108,13 @@ class OutputError(ContourlabError):
 def choices(given: object, allowed: Iterable[str]) -> str:
     """Return a half sentence that names the allowed values, the likely one first.
 
+    Parameters
+    ----------
+    given
+        What was written.
+    allowed
+        What may be written.
+
     Examples
     --------
     >>> choices("elipse", ["circle", "ellipse"])

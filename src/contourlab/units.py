@@ -106,6 +106,11 @@ def parse_quantity(text: object, dimension: str, name: str = "value") -> float:
 def to_um(metres: float) -> str:
     """Return a length as text in µm with three significant digits, without its unit.
 
+    Parameters
+    ----------
+    metres
+        The length [m].
+
     Examples
     --------
     >>> to_um(1.23456e-5)

@@ -130,3 +130,11 @@ def test_limits_are_checked():
         AxisLimits(**{**good, "jerk": [1.0, 2.0, 3.0]})
     with pytest.raises(ConfigurationError, match="must be numbers or one per axis"):
         AxisLimits(**{**good, "jerk": [[1.0, 2.0]]})
+
+
+def test_a_record_that_memory_cannot_hold_is_refused():
+    circle = Circle(radius=0.01)
+    with pytest.raises(FeedError, match=r"takes 1e\+09 samples of 1e-09 s, more than 20000000"):
+        constant_rate(circle, rate=1.0, duration=1.0, sample_time=1e-9)
+    with pytest.raises(FeedError, match="more than 20000000"):
+        constant_feed(circle, feed="1 nm/s", sample_time=1e-3)

@@ -1,5 +1,7 @@
 """Recordings survive the disk, and files are written whole or not at all."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -54,10 +56,13 @@ def test_nothing_is_overwritten(recording, tmp_path):
 
 
 def test_an_interrupted_write_leaves_nothing(tmp_path):
-    with pytest.raises(KeyboardInterrupt), atomic_file(tmp_path / "x.txt") as temporary:
-        with open(temporary, "w") as stream:
-            stream.write("half")
-        raise KeyboardInterrupt
+    def interrupted():
+        with atomic_file(tmp_path / "x.txt") as temporary:
+            Path(temporary).write_text("half")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
     assert list(tmp_path.iterdir()) == []
 
 

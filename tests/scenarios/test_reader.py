@@ -2,6 +2,7 @@
 
 import tomllib
 
+import jaxtyping
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -140,7 +141,9 @@ MISTAKES = {
     "unknown tuning": ('"pole_placement"', '"ziegler"', "tuning", "Allowed: pole_placement"),
     "gain out of bounds": ("kd = 500", "kd = -500", "kd", "must be >= 0"),
     "gain as text": ("kp = 1e5\n", 'kp = "big"\n', "kp", "must be a number, got 'big'"),
-    "wrong number of gains": ("[50, 60]", "[50, 60, 70]", "controller[1]", "position_gain must be one number or one for each"),
+    "wrong number of gains": (
+        "[50, 60]", "[50, 60, 70]", "controller[1]", "position_gain must be one number or one for",
+    ),
     "same name twice": ('name = "ccc"', 'name = "cascade"', "name", "stands already"),
     "negative time": ('"0.5 ms"\nsub', '"-0.5 ms"\nsub', "sample_time", "must be > 0"),
     "seed of another kind": ("seed = 7", 'seed = "7"', "seed", "valid integer"),
@@ -149,8 +152,10 @@ MISTAKES = {
     "no such feed": ('"constant_rate"', '"fast"', "kind", "'programmed', 'constant_rate'"),
     "feed key of another kind": ("rate = 5.0", 'feed = "1 m/s"', "feed", "does not go with kind"),
     "travel reversed": ('["-100 mm", "100 mm"]', '["100 mm", "-100 mm"]', "axis", "lower < upper"),
-    "file and formula": ('formula = "ellipse"', 'formula = "ellipse"\nfile = "a.ngc"', "part", "either file"),
-    "magnification zero": ("magnification = 100.0", "magnification = 0.0", "magnification", "greater than 0"),
+    "file and formula": (
+        'formula = "ellipse"', 'formula = "ellipse"\nfile = "a.ngc"', "part", "either file",
+    ),
+    "magnification zero": ("tion = 100.0", "tion = 0.0", "magnification", "greater than 0"),
 }  # fmt: skip
 
 
@@ -183,7 +188,7 @@ def test_the_line_is_that_of_the_key():
 def test_missing_sections_and_keys():
     with pytest.raises(ScenarioError, match=r"s\.toml: part: is missing"):
         read("")
-    with pytest.raises(ScenarioError, match="axis_pid|AxisPid needs kp"):
+    with pytest.raises(ScenarioError, match="AxisPid needs kp"):
         read(changed('tuning = "pole_placement"\nbandwidth_hz = 20', "ki = 3.0"))
     with pytest.raises(ScenarioError, match="needs bandwidth_hz"):
         read(changed("bandwidth_hz = 20", "damping = 0.5"))
@@ -213,7 +218,7 @@ def test_a_part_beside_the_scenario(tmp_path):
     (tmp_path / "other.ngc").write_text("G21 G90\nG1 X1 Y2 F600\nM2\n")
     other = read_scenario(tmp_path / "s.toml", part=tmp_path / "other.ngc")
     assert other.part.path.n_pieces == 1
-    with pytest.raises(ContourlabError, match="none.ngc"):
+    with pytest.raises(ContourlabError, match=r"none\.ngc"):
         read_scenario(tmp_path / "s.toml", part=tmp_path / "none.ngc")
 
 
@@ -241,11 +246,21 @@ def test_named_machines_take_arguments_and_changes():
         read(with_machine('[machine]\nname = "linear_motor_stage"\n[machine.set]\nmass = -1.0\n'))
 
 
+@pytest.fixture(scope="module")
+def as_for_a_user():
+    """Shape annotations are not live for users: what they catch in tests must be caught anyway."""
+    before = jaxtyping.config.jaxtyping_disable
+    jaxtyping.config.update("jaxtyping_disable", True)
+    yield
+    jaxtyping.config.update("jaxtyping_disable", before)
+
+
 FUZZ = settings(
     max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True
 )
 
 
+@pytest.mark.usefixtures("as_for_a_user")
 @FUZZ
 @given(st.text(max_size=300))
 def test_any_text_gives_an_error_of_ours(text):
@@ -273,6 +288,7 @@ def _paths(value, path=()):
 PATHS = sorted(_paths(tomllib.loads(GOOD)), key=str)
 
 
+@pytest.mark.usefixtures("as_for_a_user")
 @FUZZ
 @given(st.sampled_from(PATHS), VALUES)
 def test_any_value_anywhere_gives_a_scenario_or_an_error_of_ours(path, value):
@@ -300,4 +316,7 @@ def test_any_value_anywhere_gives_a_scenario_or_an_error_of_ours(path, value):
     try:
         reader._build(sections, GOOD, "s.toml", reader.FilePath("."))
     except ContourlabError as error:
-        assert "\n" not in str(error)
+        message = str(error)
+    else:
+        message = ""
+    assert "\n" not in message

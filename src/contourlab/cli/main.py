@@ -157,9 +157,10 @@ def _prepare() -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError:
         return  # a home that cannot be written to costs compile time, nothing else
-    jax.config.update("jax_compilation_cache_dir", str(folder))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.05)
-    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+    update: Any = jax.config.update
+    update("jax_compilation_cache_dir", str(folder))
+    update("jax_persistent_cache_min_compile_time_secs", 0.05)
+    update("jax_persistent_cache_min_entry_size_bytes", -1)
 
 
 def _print_json(value: dict[str, Any]) -> None:

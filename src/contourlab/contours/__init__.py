@@ -1,4 +1,4 @@
-"""Curves as geometry: position and derivatives, frames, arc length, the exact foot point, readers."""
+"""Curves as geometry: derivatives, frames, arc length, the exact foot point, part readers."""
 
 from contourlab.contours.base import Contour, Frenet, left_normal, unit
 from contourlab.contours.circle import Arc, Circle

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from contourlab.contours.base import Contour
 from contourlab.errors import FeedError
 from contourlab.feedrate.arc_length import ArcLength
-from contourlab.feedrate.limits import metres_per_second, positive
+from contourlab.feedrate.limits import metres_per_second, positive, sample_count
 from contourlab.recordings.reference import Reference
 
 __all__ = ["constant_feed", "constant_rate"]
@@ -110,7 +110,7 @@ def constant_feed(
     once = duration is None
     dt = positive(sample_time, "sample_time", "s")
     if duration is None:
-        samples = max(1, int(np.ceil(table.length / speed / dt - _SLACK)))
+        samples = max(1, sample_count(np.ceil(table.length / speed / dt - _SLACK), dt))
         time = dt * np.arange(samples + 1)
     else:
         time = sample_times(duration, dt)
@@ -143,7 +143,7 @@ def sample_times(duration: Any, sample_time: Any) -> NDArray[Any]:
     """
     dt = positive(sample_time, "sample_time", "s")
     total = positive(duration, "duration", "s")
-    count = int(np.floor(total / dt * (1.0 + 1e-12) + _SLACK))
+    count = sample_count(np.floor(total / dt * (1.0 + 1e-12) + _SLACK), dt)
     if count < 1:
         raise FeedError(f"duration must be >= sample_time = {dt:g} s, got {total:g}")
     return dt * np.arange(count + 1)

@@ -118,3 +118,30 @@ def positive(value: Any, name: str, unit: str) -> float:
     if not (math.isfinite(number) and number > 0):
         raise FeedError(f"{name} must be > 0 {unit} and finite, got {number:g}")
     return number
+
+
+LARGEST_RECORD = 20_000_000
+"""Samples of a reference at most: some 3 GB for two axes."""
+
+
+def sample_count(samples: float, sample_time: float) -> int:
+    """Return a number of samples that memory can hold.
+
+    Parameters
+    ----------
+    samples
+        As many as the motion takes.
+    sample_time
+        [s], for the message.
+
+    Raises
+    ------
+    FeedError
+        More than :data:`LARGEST_RECORD`.
+    """
+    if not samples <= LARGEST_RECORD:
+        raise FeedError(
+            f"the motion takes {samples:.3g} samples of {sample_time:g} s, more than "
+            f"{LARGEST_RECORD}; take a longer sample_time, or a shorter part or duration"
+        )
+    return int(samples)

@@ -29,7 +29,7 @@ from contourlab.contours.part import Part
 from contourlab.contours.path import Path
 from contourlab.errors import FeedError
 from contourlab.feedrate.arc_length import ArcLength, arc_derivatives, contour_derivatives
-from contourlab.feedrate.limits import AxisLimits, positive
+from contourlab.feedrate.limits import AxisLimits, positive, sample_count
 from contourlab.feedrate.motion import plan_motion
 from contourlab.feedrate.program import program_of
 from contourlab.feedrate.remarks import remarks
@@ -176,7 +176,7 @@ def plan_feed(
 
 
 def _sampled(contour: Contour, table: ArcLength, profile: Profile, dt: float) -> Reference:
-    count = max(1, int(np.ceil(profile.duration / dt - 1e-9)))
+    count = max(1, sample_count(np.ceil(profile.duration / dt - 1e-9), dt))
     time = dt * np.arange(count + 1)
     arc, speed, acceleration, jerk = profile.at(time)
     parameter = table.time_derivatives(arc, speed, acceleration, jerk)

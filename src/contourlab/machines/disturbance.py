@@ -26,11 +26,11 @@ class Disturbance(Configuration):
 
     axis: int = static(minimum=0)
     """Which axis, counted from 0."""
-    amplitude: Scalar = real()
+    amplitude: Scalar = real(ndim=0)
     """Effort [unit of gain × command]."""
-    start: Scalar = real(unit="s", default=0.0)
+    start: Scalar = real(ndim=0, unit="s", default=0.0)
     """First instant [s]."""
-    stop: Scalar = real(unit="s", finite=False, default=math.inf)
+    stop: Scalar = real(ndim=0, unit="s", finite=False, default=math.inf)
     """Instant from which it is gone [s]."""
 
     def check(self) -> None:
@@ -92,9 +92,9 @@ class StepDisturbance(Disturbance):
 class SineDisturbance(Disturbance):
     """A sinusoidal effort between two instants: amplitude × sin(2π f (t - start) + phase)."""
 
-    frequency_hz: Scalar = real(unit="Hz", above=0.0)
+    frequency_hz: Scalar = real(ndim=0, unit="Hz", above=0.0)
     """f [Hz]."""
-    phase: Scalar = real(unit="rad", default=0.0)
+    phase: Scalar = real(ndim=0, unit="rad", default=0.0)
     """Phase at the start [rad]."""
 
     def shape(self, time: Scalar) -> Scalar:

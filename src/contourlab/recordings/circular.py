@@ -103,7 +103,7 @@ def circular_deviation(points: Any) -> CircularDeviation:
         scale = max(float(np.ptp(distance)), 1e-300)
         mean = float(distance.mean())
         residual = (distance - mean) / scale
-        # unknowns: shift (2), outer, inner; minimise outer - inner with inner <= r_i - u_i.s <= outer
+        # unknowns: shift s, outer, inner; least outer - inner with inner <= r_i - u_i.s <= outer
         one, zero = np.ones(len(p)), np.zeros(len(p))
         a = np.concatenate(
             [np.column_stack([-direction, -one, zero]), np.column_stack([direction, zero, one])]

@@ -104,15 +104,15 @@ def _of_axes(section: MachineSection) -> Machine:
         dynamics: Any
         if all(by_mass):
             dynamics = RigidAxes(
-                mass=[axis.mass for axis in axes],
+                mass=[axis.mass or 0.0 for axis in axes],
                 viscous=[axis.viscous for axis in axes],
                 gain=[axis.gain for axis in axes],
                 friction=friction,
             )
         else:
             dynamics = TransferFunctionAxes(
-                numerators=_padded([axis.numerator or [] for axis in axes]),
-                denominators=_padded([axis.denominator or [] for axis in axes]),
+                numerators=tuple(axis.numerator or () for axis in axes),
+                denominators=tuple(axis.denominator or () for axis in axes),
             )
         noise = [axis.noise for axis in axes]
         return Machine(
@@ -139,14 +139,9 @@ def _of_axes(section: MachineSection) -> Machine:
         raise KeyedError(("machine", "axis"), str(error)) from error
 
 
-def _padded(rows: list[list[float]]) -> list[list[float]]:
-    width = max(len(row) for row in rows)
-    return [[0.0] * (width - len(row)) + row for row in rows]
-
-
 def _limits(axes: list[AxisSection]) -> AxisLimits:
     return AxisLimits(
-        velocity=[axis.velocity_limit for axis in axes],
-        acceleration=[axis.acceleration_limit for axis in axes],
-        jerk=[axis.jerk_limit for axis in axes],
+        velocity=np.array([axis.velocity_limit for axis in axes]),
+        acceleration=np.array([axis.acceleration_limit for axis in axes]),
+        jerk=np.array([axis.jerk_limit for axis in axes]),
     )

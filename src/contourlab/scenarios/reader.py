@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -229,7 +230,8 @@ def _controller(value: Any, key: Key, machine: Machine) -> Controller:
 
 
 def _given(cls: type, machine: Machine) -> dict[str, Any]:
-    return {"model": machine.nominal} if "model" in cls.__dataclass_fields__ else {}
+    names = {field.name for field in dataclasses.fields(cls)}
+    return {"model": machine.nominal} if "model" in names else {}
 
 
 def _estimator(value: Any, key: Key) -> Any:
@@ -241,10 +243,9 @@ def _estimator(value: Any, key: Key) -> Any:
 def _disturbance(value: Any, key: Key, machine: Machine) -> Disturbance:
     cls, values = _typed(value, key, "disturbance", registry.disturbances())
     axis = values.get("axis")
-    if isinstance(axis, str):
-        if axis not in machine.names:
-            raise KeyedError((*key, "axis"), f"no axis {axis!r}; {choices(axis, machine.names)}")
-        values["axis"] = machine.names.index(axis)
+    if axis not in machine.names:
+        raise KeyedError((*key, "axis"), f"no axis {axis!r}; {choices(axis, machine.names)}")
+    values["axis"] = machine.names.index(axis)
     return make(cls, values, key)  # type: ignore[no-any-return]
 
 
@@ -267,11 +268,16 @@ def _reference(
             for name in ("feed", "rapid_feed", "corner_angle")
             if getattr(feed, name) is not None
         }
+        if machine.limits is None:
+            raise KeyedError(
+                ("machine",), "the machine has no axis limits, which the programmed feed needs"
+            )
         plan = plan_feed(contour, limits=machine.limits, sample_time=sample_time, **options)
         return plan.reference, tuple(float(t) for t in plan.stop_times)
     curve = contour.path if isinstance(contour, Part) else contour
     if feed.kind == "constant_rate":
-        assert feed.rate is not None and feed.duration is not None
+        assert feed.rate is not None
+        assert feed.duration is not None
         return constant_rate(
             curve, rate=feed.rate, duration=feed.duration, sample_time=sample_time
         ), ()

@@ -118,9 +118,11 @@ def make(
             elif name in fields and "choice" in fields[name].metadata:
                 made[name] = value
             else:
-                made[name] = field_value(
-                    name, value, needs_unit(fields[name]) if name in fields else None
-                )
+                field = fields.get(name)
+                single = field is not None and field.metadata.get("real", {}).get("ndim") == 0
+                if single and isinstance(value, list):
+                    _fail((*key, name), f"must be a single value, got {value!r}")
+                made[name] = field_value(name, value, needs_unit(field) if field else None)
         except KeyedError:
             raise
         except ContourlabError as error:

@@ -159,10 +159,14 @@ def compare(
         check_loop(machine, controller, reference)
         controller.bind(reference.contour, reference.sample_time)
     recordings = {}
+
+    def told(name: str) -> Callable[[float], None] | None:
+        return None if progress is None else lambda done: progress(name, done)
+
     for name, controller in controllers.items():
         recordings[name] = simulate(
             machine, controller, reference, disturbances=disturbances, seed=seed, name=name,
-            progress=None if progress is None else (lambda done, n=name: progress(n, done)),
+            progress=told(name),
         )  # fmt: skip
     return Comparison(recordings, reference, machine, part, tuple(stops), scenario, title)
 

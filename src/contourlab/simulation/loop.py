@@ -114,7 +114,7 @@ def geometry_rows(contour: Contour, parameter: Array, order: int) -> Array:
     """
     if order < 0:
         return jnp.zeros((parameter.shape[0], 0, contour.n_axes))
-    return jax.vmap(lambda p: contour.derivatives(p, order))(parameter)  # type: ignore[no-any-return]
+    return jax.vmap(lambda p: contour.derivatives(p, order))(parameter)
 
 
 def _sample(

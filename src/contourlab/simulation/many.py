@@ -56,8 +56,8 @@ class _Sums(eqx.Module):
     """Running sums and maxima of one lane."""
 
     count: Array
-    sums: dict[str, Array]
-    maxima: dict[str, Array]
+    sums: dict[str, Any]
+    maxima: dict[str, Any]
 
 
 def simulate_many(
@@ -322,7 +322,7 @@ def _first(
         maxima = {m: vector if m == "command_max" else zero for m in tops}
         return carry, _Sums(zero, sums, maxima)
 
-    return jax.vmap(lane, in_axes=(in_axes.tree(), 0))(loop, keys)  # type: ignore[no-any-return]
+    return jax.vmap(lane, in_axes=(in_axes.tree(), 0))(loop, keys)
 
 
 @functools.partial(
@@ -440,9 +440,8 @@ def _dataset(
             data[name] = (("lane", "time", *inner), rows)
     coords: dict[str, Any] = {"axis": list(machine.names)}
     if kept:
-        rows = next(iter(kept[0].values()))
-        total = min(n, sum(next(iter(part.values())).shape[1] for part in kept))
-        coords["time"] = ("time", np.arange(total) * sample_time, {"units": "s"})
+        n_kept = min(n, sum(len(next(iter(part.values()))[0]) for part in kept))
+        coords["time"] = ("time", np.arange(n_kept) * sample_time, {"units": "s"})
     return xr.Dataset(data, coords=coords, attrs={"n_samples": n, "sample_time": sample_time})
 
 
