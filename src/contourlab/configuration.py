@@ -45,14 +45,20 @@ def is_concrete(value: object) -> bool:
     return not isinstance(value, jax.core.Tracer)
 
 
-def _as_leaf(value: Any) -> Any:
-    if value is None:
-        return None
+def as_leaf(value: Any) -> Any:
+    """Return numbers as a float64 array; whatever is none unchanged, for check_real to refuse."""
     if isinstance(value, jax.Array):
-        return value if value.dtype == np.float64 else value.astype(np.float64)
-    if not isinstance(value, np.ndarray | np.generic | float | int | list | tuple):
-        return value  # placeholders that JAX puts in while it rebuilds a tree
-    return np.asarray(value, dtype=np.float64)
+        same = value.dtype == np.float64 or value.dtype.kind in "bc"
+        return value if same else value.astype(np.float64)
+    if isinstance(value, float | int) and not isinstance(value, bool):
+        return np.asarray(value, np.float64)
+    if not isinstance(value, np.ndarray | np.generic | list | tuple):
+        return value
+    try:
+        array = np.asarray(value)
+    except ValueError:  # ragged
+        return value
+    return array.astype(np.float64) if array.size == 0 or array.dtype.kind in "fiu" else value
 
 
 def real(
@@ -86,11 +92,15 @@ def real(
         "unit": unit, "minimum": minimum, "above": above, "maximum": maximum, "below": below,
         "finite": finite, "ndim": ndim,
     }  # fmt: skip
-    return eqx.field(converter=_as_leaf, metadata={"real": bounds}, kw_only=True, **keywords)
+    return eqx.field(converter=as_leaf, metadata={"real": bounds}, kw_only=True, **keywords)
 
 
 def static(
-    *, allowed: tuple[Any, ...] | None = None, minimum: int | None = None, **keywords: Any
+    *,
+    allowed: tuple[Any, ...] | None = None,
+    minimum: int | None = None,
+    flag: bool = False,
+    **keywords: Any,
 ) -> Any:
     """Declare a field that decides structure: a count, a flag, a name. Not a leaf.
 
@@ -100,10 +110,12 @@ def static(
         The values that may be chosen; unchecked when None.
     minimum
         Least value of a count.
+    flag
+        Whether the field is a flag: only True and False are accepted.
     **keywords
         Passed to ``dataclasses.field``, such as ``default``.
     """
-    rule = {"allowed": allowed, "minimum": minimum}
+    rule = {"allowed": allowed, "minimum": minimum, "flag": flag}
     return eqx.field(static=True, metadata={"choice": rule}, kw_only=True, **keywords)
 
 
@@ -131,6 +143,8 @@ class Configuration(eqx.Module):
             if not hasattr(self, field.name):
                 continue
             value = getattr(self, field.name)
+            if value is None and field.default is None:
+                continue
             if "real" in field.metadata:
                 check_real(field.name, value, **field.metadata["real"])
             elif "choice" in field.metadata:
@@ -148,6 +162,10 @@ class Configuration(eqx.Module):
         """
 
 
+_NO_NUMBERS = (str, bytes, bool, np.generic, Mapping, list, tuple, set, frozenset, eqx.Module)
+"""What is refused as a number; numbers, and sequences of them, are arrays by then."""
+
+
 def check_real(
     name: str,
     value: Any,
@@ -161,12 +179,16 @@ def check_real(
     ndim: int | None = None,
 ) -> None:
     """Raise ConfigurationError unless every element of a known value is within its bounds."""
-    if not isinstance(value, jax.Array | np.ndarray) or not is_concrete(value):
+    if value is None or isinstance(value, _NO_NUMBERS):
+        raise ConfigurationError(f"{name} must be a number, got {value!r}")
+    if not isinstance(value, jax.Array | np.ndarray):
+        return  # placeholders that JAX puts in while it rebuilds a tree
+    if value.dtype.kind not in "fiu":
+        raise ConfigurationError(f"{name} must be a number, got {value!r}")
+    if not is_concrete(value):
         return
     values = np.asarray(value)
     shown = f" {unit}" if unit else ""
-    if values.dtype.kind not in "fiu":
-        raise ConfigurationError(f"{name} must be a number, got {value!r}")
     wrong = ~np.isfinite(values) if finite else np.isnan(values)
     if wrong.any():
         raise ConfigurationError(f"{name} must be finite, got {values[wrong].flat[0]}{shown}")
@@ -187,9 +209,16 @@ def check_real(
 
 
 def check_static(
-    name: str, value: Any, *, allowed: tuple[Any, ...] | None = None, minimum: int | None = None
+    name: str,
+    value: Any,
+    *,
+    allowed: tuple[Any, ...] | None = None,
+    minimum: int | None = None,
+    flag: bool = False,
 ) -> None:
     """Raise ConfigurationError unless a static value is one of the allowed ones."""
+    if flag and not isinstance(value, bool | np.bool_):
+        raise ConfigurationError(f"{name} must be True or False, got {value!r}")
     if allowed is not None and value not in allowed:
         raise ConfigurationError(
             f"{name} must be one of the allowed values, got {value!r}; "

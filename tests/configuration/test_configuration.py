@@ -4,11 +4,13 @@ import dataclasses
 
 import jax
 import jax.numpy as jnp
+import jaxtyping
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
 from contourlab.configuration import Configuration, part, real, replace, replace_at, resolve, static
+from contourlab.contours import Circle, Path
 from contourlab.errors import ConfigurationError
 
 
@@ -21,6 +23,12 @@ class Gains(Configuration):
     def check(self):
         if np.any(self.kp > 1e6):
             raise ConfigurationError("kp is absurd")
+
+
+class Placed(Configuration):
+    position: object = real(unit="m", ndim=1)
+    normal: object = real(ndim=1, default=None)
+    clockwise: bool = static(flag=True, default=False)
 
 
 class Law(Configuration):
@@ -51,6 +59,63 @@ def test_numbers_become_float64_leaves():
 def test_messages_name_value_and_bound(values, message):
     with pytest.raises(ConfigurationError, match=message.replace("?", r"\?")):
         Gains(**values)
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        "0.1 um", b"1", None, True, np.True_, {"x": 1.0}, ["1", "2"], [1.0, None], [True, False],
+        [[1.0, 2.0], [3.0]], np.array([True]), np.array([1j]), 1j, jnp.array([True]),
+        {1.0}, Gains(kp=1.0),
+    ],
+    ids=repr,
+)  # fmt: skip
+def test_what_is_no_number_is_refused(value):
+    with pytest.raises(ConfigurationError, match="^position must be a number, got "):
+        Placed(position=value)
+    with pytest.raises(ConfigurationError, match="^position must be a number, got "):
+        replace(Placed(position=[0.0, 1.0]), position=value)
+
+
+def test_the_message_shows_what_was_given():
+    with pytest.raises(ConfigurationError, match="^position must be a number, got '0.1 um'$"):
+        Placed(position="0.1 um")
+    with pytest.raises(ConfigurationError, match=r"number, got \[\[1.0, 2.0\], \[3.0\]\]$"):
+        Placed(position=[[1.0, 2.0], [3.0]])
+
+
+def test_none_only_where_it_is_the_default():
+    assert Placed(position=[0.0, 1.0], normal=None).normal is None
+    with pytest.raises(ConfigurationError, match="normal must be a number, got 'z'"):
+        Placed(position=[0.0, 1.0], normal="z")
+
+
+@pytest.mark.parametrize("value", [object(), jax.ShapeDtypeStruct((2,), np.float64)], ids=repr)
+def test_placeholders_pass(value):
+    assert Placed(position=value).position is value
+
+
+@pytest.mark.parametrize("value", [3, np.int32(3), np.float32(3), [3], (3, 4.0), np.arange(2)])
+def test_every_kind_of_number_passes(value):
+    position = Placed(position=value).position
+    assert position.dtype == np.float64
+    assert_array_equal(position, value)
+
+
+@pytest.mark.parametrize("value", ["no", 1, 0, None, [True]])
+def test_a_flag_is_true_or_false(value):
+    with pytest.raises(ConfigurationError, match="^clockwise must be True or False, got "):
+        Placed(position=0.0, clockwise=value)
+    assert Placed(position=0.0, clockwise=np.True_).clockwise
+
+
+def test_flags_of_contours(monkeypatch):
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)  # as for a user
+    with pytest.raises(ConfigurationError, match="clockwise must be True or False, got 'no'"):
+        Circle(radius=1.0, clockwise="no")
+    path = Path.polyline([[0.0, 0.0], [1.0, 0.0]])
+    with pytest.raises(ConfigurationError, match="is_closed must be True or False, got 'no'"):
+        replace(path, is_closed="no")
 
 
 def test_frozen_and_keyword_only():

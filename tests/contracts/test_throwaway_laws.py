@@ -155,7 +155,11 @@ class CoarseAndFine(Controller):
 
     @property
     def needs(self):
-        return Needs(command="velocity", derivatives=max(1, self.estimator.needs.derivatives))
+        return Needs(
+            command="velocity",
+            derivatives=max(1, self.estimator.needs.derivatives),
+            tool_map=True,
+        )
 
     @property
     def n_axes(self):

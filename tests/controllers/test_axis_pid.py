@@ -2,14 +2,16 @@
 
 import jax
 import jax.numpy as jnp
+import jaxtyping
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from contourlab.configuration import replace
 from contourlab.contours import Circle, Line
-from contourlab.controllers import AxisPid
+from contourlab.controllers import AxisPid, Cascade
 from contourlab.errors import ConfigurationError, RefusedError
+from contourlab.machines import linear_motor_stage
 from contourlab.machines.base import NominalModel
 from contourlab.testing.controllers import check_controller
 from contourlab.testing.protocol import run
@@ -239,3 +241,34 @@ def test_messages():
         AxisPid.by_pole_placement(model(), 0.01)
     with pytest.raises(ConfigurationError, match=r"damping must be > 0, got -1"):
         AxisPid.by_pole_placement(model(), 10.0, damping=-1)
+
+
+@pytest.mark.parametrize("name", ["bandwidth_hz", "damping", "integral_pole"])
+def test_placement_wants_one_value_per_axis(name):
+    values = {"bandwidth_hz": 20.0}
+    with pytest.raises(ConfigurationError, match=rf"{name} must be one number .* the 2 axes"):
+        AxisPid.by_pole_placement(model(), **(values | {name: [10.0, 20.0, 30.0]}))
+    with pytest.raises(ConfigurationError, match=rf"{name} must be a number, got 'a'"):
+        AxisPid.by_pole_placement(model(), **(values | {name: "a"}))
+
+
+def test_a_machine_is_no_model(monkeypatch):
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)  # as for a user
+    machine = linear_motor_stage()
+    message = "model must be a NominalModel, such as machine.nominal, got Machine"
+    with pytest.raises(ConfigurationError, match=message):
+        AxisPid(model=machine, kp=1.0)
+    with pytest.raises(ConfigurationError, match=message):
+        AxisPid.by_pole_placement(machine, 20.0)
+    with pytest.raises(ConfigurationError, match=message):
+        Cascade.by_bandwidth(machine, 20.0, 10.0)
+    for gain in ("a", None):
+        with pytest.raises(ConfigurationError, match=f"kp must be a number, got {gain!r}"):
+            AxisPid(model=machine.nominal, kp=gain)
+
+
+def test_gains_in_a_list_of_one_hold_for_every_axis_and_batches_are_not_bound():
+    line = Line(start=(0.0, 0.0), end=(0.1, 0.1))
+    assert_array_equal(AxisPid(model=model(), kp=[3.0]).bind(line, T).kp, [3.0, 3.0])
+    with pytest.raises(ConfigurationError, match=r"kp must be one number .* got shape \(4, 2\)"):
+        AxisPid(model=model(), kp=np.ones((4, 2))).bind(line, T)

@@ -162,3 +162,23 @@ def test_messages():
         Cascade(model=model("position"), position_gain=30.0)
     with pytest.raises(ConfigurationError, match=r"velocity_bandwidth_hz must be >= 0.\d+ Hz"):
         Cascade.by_bandwidth(model(), 0.01, 30.0)
+
+
+def test_the_rule_says_what_it_cannot_take():
+    with pytest.raises(ConfigurationError, match=r"take a force or a voltage.*position_gain=\.\.\."):
+        Cascade.by_bandwidth(model("velocity"), 0.01, 30.0)
+    with pytest.raises(RefusedError, match=r"takes a position"):
+        Cascade.by_bandwidth(model("position"), 40.0, 30.0)
+    with pytest.raises(ConfigurationError, match=r"damping must be > 0, got 0"):
+        Cascade.by_bandwidth(model(), 40.0, 30.0, damping=0.0)
+    with pytest.raises(ConfigurationError, match=r"position_gain must be >= 0, got -1"):
+        Cascade.by_bandwidth(model(), 40.0, -1.0)
+
+
+@pytest.mark.parametrize("name", ["velocity_bandwidth_hz", "position_gain", "damping"])
+def test_the_rule_wants_one_value_per_axis(name):
+    values = {"velocity_bandwidth_hz": 40.0, "position_gain": 30.0}
+    with pytest.raises(ConfigurationError, match=rf"{name} must be one number .* the 2 axes"):
+        Cascade.by_bandwidth(model(), **(values | {name: [10.0, 20.0, 30.0]}))
+    with pytest.raises(ConfigurationError, match=rf"{name} must be a number, got 'a'"):
+        Cascade.by_bandwidth(model(), **(values | {name: "a"}))

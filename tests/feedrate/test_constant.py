@@ -138,3 +138,24 @@ def test_a_record_that_memory_cannot_hold_is_refused():
         constant_rate(circle, rate=1.0, duration=1.0, sample_time=1e-9)
     with pytest.raises(FeedError, match="more than 20000000"):
         constant_feed(circle, feed="1 nm/s", sample_time=1e-3)
+
+
+SQUARE = [[0.0, 0.0], [0.01, 0.0], [0.01, 0.01], [0.0, 0.01]]
+
+
+@pytest.mark.parametrize(
+    ("closed", "duration", "corners"),
+    [(False, None, "2 corners"), (False, 0.15, "a corner"), (False, 0.1, ""),
+     (True, None, "3 corners"), (True, 0.45, "4 corners")],
+)  # fmt: skip
+def test_corners_that_are_passed_are_warned_of(closed, duration, corners):
+    path = Path.polyline(SQUARE, closed=closed)
+    reference = constant_feed(path, feed=0.1, sample_time=0.01, duration=duration)
+    said = [w for w in reference.warnings if "turns at" in w]
+    assert bool(said) == bool(corners)
+    if corners:
+        assert said == [
+            f"the path turns at {corners}: the velocity of the reference jumps there"
+        ]
+        rate = constant_rate(path, rate=0.1, duration=duration or 0.4, sample_time=0.01)
+        assert any("turns at" in w for w in rate.warnings)

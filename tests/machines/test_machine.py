@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from contourlab.configuration import replace, replace_at
-from contourlab.errors import ConfigurationError, TravelError
+from contourlab.errors import ConfigurationError
 from contourlab.feedrate.limits import AxisLimits
 from contourlab.machines import Drive, Encoder, LinearTool, Machine, NominalModel, RigidAxes
 
@@ -154,13 +154,6 @@ def test_bind_is_traceable_over_numbers():
     late = replace_at(m, "drive.computing_delay", 1e-4)
     with pytest.raises(ConfigurationError, match="needs a sample time that is a number"):
         jax.jit(lambda t: late.bind(t).n_waiting)(1e-3)
-
-
-def test_travel_is_checked_by_name():
-    m = machine(travel=((-0.1, 0.1), (0.0, 0.2)))
-    m.check_travel([[0.0, 0.1], [0.1, 0.2]])
-    with pytest.raises(TravelError, match="axis Y would go to 201 mm; its travel is 0 to 200 mm"):
-        m.check_travel([[0.0, 0.1], [0.0, 0.201]])
 
 
 LIMITS = {"velocity": np.ones(3), "acceleration": np.ones(3), "jerk": np.ones(3)}

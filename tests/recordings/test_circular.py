@@ -7,6 +7,7 @@ from numpy.testing import assert_allclose
 from contourlab.errors import RecordingError
 from contourlab.recordings import (
     bidirectional_deviation,
+    circular,
     circular_deviation,
     least_squares_circle,
     radial_deviations,
@@ -69,3 +70,48 @@ def test_what_is_no_circle():
         circular_deviation([[0, 0], [1, np.nan], [1, 1]])
     with pytest.raises(RecordingError, match="radius must be > 0"):
         radial_deviations(circle(1.0), -1.0)
+
+
+@pytest.mark.parametrize("fit", [least_squares_circle, circular_deviation])
+@pytest.mark.parametrize(
+    "points",
+    [
+        [[0.0, 0.0], [1.0, 2.0], [2.0, 4.0]],
+        np.column_stack([ANGLE, 0.3 * ANGLE]) * 1e-3 + [1.0, 7.0],
+        np.full((5, 2), 0.1),
+    ],
+    ids=["three", "far from the origin", "one point"],
+)
+def test_points_on_a_line_are_refused(fit, points):
+    with pytest.raises(RecordingError, match="the points lie on a line"):
+        fit(points)
+
+
+def test_a_shallow_arc_is_no_line():
+    # 1 mm on a radius of 10 m: 12.5 nm high
+    angle = np.linspace(-5e-5, 5e-5, 101)
+    centre, radius = least_squares_circle(10.0 * np.column_stack([np.cos(angle), np.sin(angle)]))
+    assert_allclose(radius, 10.0, rtol=1e-5)  # rounding of 1e-15 m on 1e-8 m
+    assert_allclose(centre, (0.0, 0.0), atol=1e-4)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_point_on_the_centre():
+    # four corners of a square and its middle: the fit keeps the centre, r = 4/5 of the half diagonal
+    points = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0], [0.0, 0.0]])
+    centre, radius = least_squares_circle(points)
+    assert_allclose(centre, (0.0, 0.0), atol=1e-15)
+    assert_allclose(radius, 0.8, rtol=1e-14)
+    zone = circular_deviation(points)
+    assert zone.inner_radius <= np.linalg.norm(points - zone.centre, axis=1).min()
+    assert zone.deviation <= 1.0
+    assert_allclose(radial_deviations(points, 1.0, centre=(0.0, 0.0)), (0.0, -1.0))
+
+
+def test_a_linear_programme_that_fails_is_said(monkeypatch):
+    class Failed:
+        success, message = False, "out of iterations"
+
+    monkeypatch.setattr(circular, "linprog", lambda *args, **keywords: Failed)
+    with pytest.raises(RecordingError, match="minimum zone was not found: out of iterations"):
+        circular_deviation(circle(0.05))

@@ -145,7 +145,29 @@ MISTAKES = {
         "[50, 60]", "[50, 60, 70]", "controller[1]", "position_gain must be one number or one for",
     ),
     "same name twice": ('name = "ccc"', 'name = "cascade"', "name", "stands already"),
-    "negative time": ('"0.5 ms"\nsub', '"-0.5 ms"\nsub', "sample_time", "must be > 0"),
+    "negative time": ('"0.5 ms"\nsub', '"-0.5 ms"\nsub', "sample_time", "greater than 0"),
+    "no time": ('"0.5 ms"\nsub', '"0 ms"\nsub', "sample_time", "greater than 0"),
+    "negative delay": ('"0.5 ms"\nvel', '"-0.5 ms"\nvel', "computing_delay", "or equal to 0"),
+    "a rate of zero": ("rate = 5.0", "rate = 0.0", "feed", "rate must be finite and not 0"),
+    "too short": ('"0.05 s"', '"0.05 ms"', "feed", "duration must be >= sample_time"),
+    "off the table": ('"100 mm"]', '"20 mm"]', "part", "travel"),
+    "units of a formula": (
+        '"ellipse"', '"ellipse"\ndefault_units = "mm"', "default_units", "goes with file",
+    ),
+    "stribeck without breakaway": (
+        "breakaway = 10.0", 'stribeck_velocity = "1 mm/s"', "axis[0]", "goes with breakaway",
+    ),
+    "smoothing without friction": (
+        "mass = 3.0", 'mass = 3.0\nsmoothing_velocity = "1 mm/s"', "axis[1]", "goes with coulomb",
+    ),
+    "friction of a transfer function": (
+        "mass = 3.0\nviscous = 15.0",
+        'numerator = [1.0]\ndenominator = [1.0, 0.0]\nstribeck_velocity = "1 mm/s"',
+        "axis[1]", "does not go with a transfer",
+    ),
+    "substeps without friction": (
+        "coulomb = 8.0\nbreakaway = 10.0\n", "", "substeps", "does not have; remove it",
+    ),
     "seed of another kind": ("seed = 7", 'seed = "7"', "seed", "valid integer"),
     "unknown axis": ('axis = "Y"', 'axis = "Z"', "axis", "Allowed: X, Y"),
     "one axis only mass": ("mass = 3.0\n", "", "axis[1]", "either mass, or numerator"),
@@ -163,15 +185,14 @@ MISTAKES = {
 def test_mistakes_name_file_line_key_and_choices(mistake):
     old, new, key, message = MISTAKES[mistake]
     text = changed(old, new)
-    with pytest.raises(ContourlabError) as caught:
+    with pytest.raises(ScenarioError) as caught:
         read(text)
     shown = str(caught.value)
     assert "\n" not in shown
     assert message in shown, shown
-    if isinstance(caught.value, ScenarioError):
-        assert shown.startswith("s.toml:"), shown
-        assert key in shown, shown
-        assert caught.value.line > 0
+    assert shown.startswith("s.toml:"), shown
+    assert key in shown, shown
+    assert caught.value.line > 0
 
 
 def test_the_line_is_that_of_the_key():
@@ -230,16 +251,29 @@ def test_named_machines_take_arguments_and_changes():
 
     machine = read(
         with_machine(
-            '[machine]\nname = "linear_motor_stage"\nencoder = 1e-6\n'
+            '[machine]\nname = "linear_motor_stage"\nencoder = "1 um"\n'
             '[machine.set]\nmass = [6.0, 4.0]\n"drive.command_limit" = 80.0\n'
         )
     ).machine
     np.testing.assert_allclose(machine.dynamics.mass, [6.0, 4.0])
     np.testing.assert_allclose(machine.drive.command_limit, 80.0)
+    np.testing.assert_allclose(machine.sensor.resolution, 1e-6)
+    for name, value, message in (
+        ("encoder", "1e-6", "has no unit"),
+        ("encoder", '"1 ms"', "not one of length"),
+        ("encoder", '["1 um", "1 um"]', "must be a single value"),
+        ("encoder", '"-1 um"', "resolution must be >= 0"),
+        ("computing_delay", '"-1 ms"', "greater than or equal to 0"),
+    ):
+        with pytest.raises(ScenarioError, match=rf"s\.toml:\d+: machine\.{name}: .*{message}"):
+            read(with_machine(f'[machine]\nname = "linear_motor_stage"\n{name} = {value}\n'))
+    for value in ("4", "2.0", "true", '"two"'):
+        with pytest.raises(ScenarioError, match=r"s\.toml:\d+: machine\.n_axes: "):
+            read(with_machine(f'[machine]\nname = "ball_screw_stage"\nn_axes = {value}\n'))
     with pytest.raises(ScenarioError, match="did you mean linear_motor_stage"):
         read(with_machine('[machine]\nname = "linear_motor_stag"\n'))
     with pytest.raises(ScenarioError, match=r"s\.toml:\d+: machine\.encodr.*did you mean encoder"):
-        read(with_machine('[machine]\nname = "linear_motor_stage"\nencodr = 1e-6\n'))
+        read(with_machine('[machine]\nname = "linear_motor_stage"\nencodr = "1 um"\n'))
     with pytest.raises(ScenarioError, match=r"machine\.set\.masss.*no field"):
         read(with_machine('[machine]\nname = "linear_motor_stage"\n[machine.set]\nmasss = 1.0\n'))
     with pytest.raises(ScenarioError, match="mass must be > 0"):
@@ -268,6 +302,85 @@ def test_any_text_gives_an_error_of_ours(text):
         read(text)
 
 
+NAMED = """
+[part]
+file = "p.ngc"
+start = ["0 mm", "0 mm", "0 mm"]
+axes = ["X", "Y"]
+
+[feed]
+feed = "600 mm/min"
+corner_angle = "1 deg"
+
+[machine]
+name = "linear_motor_stage"
+encoder = "0.1 um"
+computing_delay = "0.1 ms"
+
+[machine.set]
+mass = [5.2, 3.1]
+names = ["X", "Y"]
+travel = [["-100 mm", "100 mm"], ["-100 mm", "100 mm"]]
+
+[simulation]
+sample_time = "1 ms"
+substeps = 2
+
+[[controller]]
+type = "cascade"
+tuning = "bandwidth"
+velocity_bandwidth_hz = 60
+position_gain = 90
+"""
+PROGRAM = "G21 G90\nM3 S100\nG0 X1 Y1\nG1 X2 Y1 F600\nY2\nM2\n"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    path = tmp_path_factory.mktemp("scenario")
+    (path / "p.ngc").write_text(PROGRAM)
+    return path
+
+
+def test_mistakes_beside_a_program_name_their_place(folder):
+    read_scenario_text(NAMED, name="s.toml", folder=folder)
+    for old, new, place in (
+        ('axes = ["X", "Y"]', 'axes = ["x", "y"]', r"s\.toml:5: part\.axes: axes must be"),
+        ('names = ["X", "Y"]', 'names = ["A", "B"]\n', None),
+        ('"600 mm/min"', '"-600 mm/min"', r"s\.toml:\d+: feed: "),
+        ('["-100 mm", "100 mm"]]', '["-100 mm", "1 mm"]]', r"s\.toml:2: part: .*axis Y"),
+        ('axes = ["X", "Y"]\n', 'axes = ["X", "Z"]\n', r"p\.ngc:\d+: "),
+    ):
+        assert old in NAMED
+        text = NAMED.replace(old, new)
+        if place is None:
+            text = text.replace('axes = ["X", "Y"]\n', "")
+            place = r"s\.toml:2: part\.axes: axes must be"
+        with pytest.raises(ContourlabError, match=place):
+            read_scenario_text(text, name="s.toml", folder=folder)
+
+
+def test_a_machine_that_has_no_nominal_model_is_named():
+    text = changed("mass = 3.0\nviscous = 15.0", "numerator = [1.0]\ndenominator = [1.0, 1.0]")
+    text = text.replace(
+        "mass = 5.0\nviscous = 20.0\ncoulomb = 8.0\nbreakaway = 10.0",
+        "numerator = [1.0]\ndenominator = [1.0, 1.0, 0.0]",
+    )
+    text = text.replace("substeps = 4\n", "")
+    with pytest.raises(ScenarioError, match=r"s\.toml:\d+: machine: axis 1 is not close to"):
+        read(text)
+
+
+def test_what_is_not_used_of_a_program_is_said(folder):
+    plain = read_scenario_text(NAMED, name="s.toml", folder=folder).reference.warnings
+    assert "words that do not move the tool were ignored: M3 (line 2), S (line 2)" in plain
+    text = NAMED.replace('corner_angle = "1 deg"', 'kind = "constant_feed"')
+    said = " ".join(read_scenario_text(text, name="s.toml", folder=folder).reference.warnings)
+    assert "does not use the program's feeds, rapids, dwells and stops" in said
+    assert "turns at 2 corners" in said
+    assert "M3 (line 2)" in said
+
+
 WORDS = st.sampled_from(GOOD.split())
 VALUES = st.one_of(
     st.integers(), st.floats(), st.booleans(), st.text(max_size=8), WORDS,
@@ -285,21 +398,29 @@ def _paths(value, path=()):
             yield from _paths(inner, (*path, key))
 
 
-PATHS = sorted(_paths(tomllib.loads(GOOD)), key=str)
+BASES = {"axes": GOOD, "named": NAMED}
+PATHS = [
+    (base, path)
+    for base, text in BASES.items()
+    for path in sorted(_paths(tomllib.loads(text)), key=str)
+]
 
 
 @pytest.mark.usefixtures("as_for_a_user")
 @FUZZ
 @given(st.sampled_from(PATHS), VALUES)
-def test_any_value_anywhere_gives_a_scenario_or_an_error_of_ours(path, value):
+def test_any_value_anywhere_gives_a_scenario_or_an_error_of_ours(folder, place, value):
     import json
 
     import pydantic
 
     from contourlab.scenarios import reader
 
-    raw = tomllib.loads(GOOD)
-    raw["feed"]["duration"] = "0.002 s"
+    base, path = place
+    text = BASES[base]
+    raw = tomllib.loads(text)
+    if base == "axes":
+        raw["feed"]["duration"] = "0.002 s"
     inner = raw
     for key in path[:-1]:
         inner = inner[key]
@@ -311,10 +432,10 @@ def test_any_value_anywhere_gives_a_scenario_or_an_error_of_ours(path, value):
         sections = reader.ScenarioSections.model_validate(raw)
     except pydantic.ValidationError as error:
         with pytest.raises(ScenarioError):
-            reader._refuse(error, raw, GOOD, "s.toml")
+            reader._refuse(error, raw, text, "s.toml")
         return
     try:
-        reader._build(sections, GOOD, "s.toml", reader.FilePath("."))
+        reader._build(sections, text, "s.toml", folder)
     except ContourlabError as error:
         message = str(error)
     else:

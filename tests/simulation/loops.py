@@ -43,10 +43,13 @@ class Proportional(Controller):
     axes: int = static(default=2)
     preview: int = static(default=0)
     stop_at: int = static(default=-1)
+    tool_map: bool = static(default=False)
 
     @property
     def needs(self):
-        return Needs(command="velocity", preview=self.preview, derivatives=1)
+        return Needs(
+            command="velocity", preview=self.preview, derivatives=1, tool_map=self.tool_map
+        )
 
     @property
     def n_axes(self):

@@ -5,9 +5,12 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import contourlab as cl
+from contourlab.configuration import replace_at, resolve
+from contourlab.contour_errors import OsculatingCircleEstimator
 from contourlab.contours import Ellipse
+from contourlab.controllers import Cascade, CrossCoupled
 from contourlab.errors import ConfigurationError, RecordingError, SimulationError
-from contourlab.machines import Encoder
+from contourlab.machines import Drive, Encoder, RigidAxes
 from contourlab.simulation.many import MANY_METRICS
 
 from .loops import Proportional, line_reference, velocity_stage
@@ -106,3 +109,60 @@ def test_unknown_metrics_and_signals_are_named():
         cl.simulate_many(*arguments, vary={"seed": [1]}, metrics=["estimate_error_rms"])
     with pytest.raises(RecordingError, match="did you mean actual"):
         cl.simulate_many(*arguments, vary={"seed": [1]}, record=("actul",))
+
+
+@pytest.mark.parametrize("path", ["mass", "gain", "command_limit", "resolution"])
+def test_one_number_for_all_axes_varies_over_any_number_of_lanes(path):
+    machine = velocity_stage(
+        dynamics=RigidAxes(mass=0.01, viscous=1.0, gain=1.0),
+        drive=Drive(command="velocity", command_limit=0.2),
+        sensor=Encoder(resolution=1e-6, velocity="ideal"),
+    )
+    values = np.array([1.0, 1.5, 2.0]) * {"mass": 0.01, "gain": 1.0, "command_limit": 0.1}.get(
+        path, 1e-6
+    )
+    law = Proportional(k=30.0)
+    batch = cl.simulate_many(machine, law, REFERENCE, vary={f"machine.{path}": values})
+    full = resolve(machine, path)
+    for lane, value in enumerate(values):
+        single = cl.simulate(replace_at(machine, full, value), law, REFERENCE)
+        for name in ("contour_error_rms", "saturation_time", "command_max", "cycle_time"):
+            assert_allclose(
+                batch[name][lane], single.metrics[name], rtol=1e-9, atol=1e-15, err_msg=name
+            )
+
+
+def test_every_metric_of_a_saturating_law_that_estimates():
+    machine = velocity_stage(
+        (0.01, 0.02), drive=Drive(command="velocity", command_limit=[0.12, 0.12])
+    )
+    law = CrossCoupled(
+        axis=Cascade(model=machine.nominal, position_gain=25.0),
+        estimator=OsculatingCircleEstimator(), kp=20.0,
+    )  # fmt: skip
+    gains = np.array([10.0, 20.0, 30.0])
+    batch = cl.simulate_many(machine, law, REFERENCE, vary={"controller.kp": gains})
+    assert set(MANY_METRICS) <= set(batch)
+    for lane, kp in enumerate(gains):
+        single = cl.simulate(machine, cl.replace(law, kp=kp), REFERENCE)
+        assert single.metrics["saturation_time"] > 0.0
+        for name in MANY_METRICS:
+            assert_allclose(
+                batch[name][lane], single.metrics[name], rtol=1e-9, atol=1e-15, err_msg=name
+            )
+
+
+def test_a_law_that_arrives_early_ends_its_lane():
+    law = Proportional(k=30.0, stop_at=100)
+    batch = cl.simulate_many(velocity_stage(), law, REFERENCE, vary={"controller.k": [20.0, 30.0]})
+    single = cl.simulate(velocity_stage(), law, REFERENCE)
+    assert single.n_samples == 100
+    for name in ("contour_error_rms", "tracking_error_rms", "command_rms", "cycle_time"):
+        assert_allclose(batch[name][1], single.metrics[name], rtol=1e-9, err_msg=name)
+
+
+def test_seeds_are_whole_numbers():
+    with pytest.raises(SimulationError, match="seed needs one whole number per lane"):
+        cl.simulate_many(
+            velocity_stage(), Proportional(k=1.0), REFERENCE, vary={"seed": [1.5, 2.5]}
+        )

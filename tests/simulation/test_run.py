@@ -8,6 +8,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import contourlab as cl
+from contourlab.configuration import static
 from contourlab.contours import Circle
 from contourlab.errors import RefusedError, SimulationError, TravelError
 from contourlab.machines import Drive, LinearTool, StepDisturbance
@@ -199,12 +200,82 @@ def test_four_axes_drive_a_planar_tool():
         names=("X", "Y", "U", "V"),
         tool=LinearTool(matrix=[[1, 0, 1, 0], [0, 1, 0, 1]]),
     )
-    recording = cl.simulate(machine, Proportional(k=np.full(4, 40.0), axes=4), four)
+    with pytest.raises(RefusedError, match="takes no account of a tool map"):
+        cl.simulate(machine, Proportional(k=np.full(4, 40.0), axes=4), four)
+    law = Proportional(k=np.full(4, 40.0), axes=4, tool_map=True)
+    recording = cl.simulate(machine, law, four)
     assert recording["tool"].shape == (200, 2)
     assert recording.metrics["contour_error_max"] < 1e-15
     assert_allclose(
         np.asarray(recording["tool"]), np.asarray(recording["actual"])[:, :2], atol=1e-18
     )
+
+
+def test_a_tool_that_is_not_on_the_contour_is_refused():
+    swapped = velocity_stage(tool=LinearTool(matrix=[[0.0, 1.0], [1.0, 0.0]]))
+    with pytest.raises(RefusedError, match="do not put the tool on the contour"):
+        cl.simulate(swapped, Proportional(k=1.0, tool_map=True), line_reference())
+
+
+def test_nan_in_the_last_command_or_in_telemetry_is_reported():
+    from .loops import BoundProportional
+
+    class Spoilt(Proportional):
+        last: bool = static(default=True)
+
+        def bind(self, contour, sample_time):
+            return BoundSpoilt(law=self)
+
+    class BoundSpoilt(BoundProportional):
+        def step(self, state, sample):
+            command, state = super().step(state, sample)
+            bad = (state["step"] == 50) & self.law.last
+            return jnp.where(bad, jnp.nan, command), state
+
+        def telemetry(self, state):
+            count = jnp.where(state["step"] > 20, jnp.nan, 0.0)
+            return {"count": count if not self.law.last else count * 0.0 + 0.0}
+
+    recording = cl.simulate(velocity_stage(), Spoilt(k=30.0), line_reference(n=50))
+    assert recording.status == "not finite"
+    assert any("command is not finite on axis X from 0.049 s" in w for w in recording.warnings)
+    recording = cl.simulate(velocity_stage(), Spoilt(k=30.0, last=False), line_reference(n=50))
+    assert any("count is not finite from 0.02 s" in w for w in recording.warnings)
+
+
+def test_the_machine_itself_leaving_its_travel_is_reported():
+    reference = line_reference((0.0, 0.01), n=200)
+    machine = velocity_stage(travel=[[-1.0, 1.0], [-0.001, 0.002]])
+    push = StepDisturbance(axis=1, amplitude=0.5, start=0.0, stop=0.1)
+    recording = cl.simulate(machine, Proportional(k=5.0), reference, disturbances=push)
+    assert any("axis Y left its travel by up to" in w for w in recording.warnings)
+
+
+def test_a_plan_is_taken_as_its_reference_and_the_scenario_is_kept():
+    contour = cl.contours.Line(start=(0.0, 0.0), end=(0.01, 0.01))
+    limits = cl.feedrate.AxisLimits(velocity=0.1, acceleration=1.0, jerk=100.0)
+    plan = cl.feedrate.plan_feed(contour, limits=limits, sample_time=1e-3, feed="1000 mm/min")
+    law = Proportional(k=30.0)
+    recording = cl.simulate(velocity_stage(), law, plan, scenario="text")
+    assert recording.dataset.attrs["scenario"] == "text"
+    assert recording.dataset.attrs["controller"] == "proportional"
+    comparison = cl.compare(velocity_stage(), [law], plan)
+    assert comparison.stops == tuple(plan.stop_times)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((velocity_stage(), None, line_reference()), "controller must be a Controller, got None"),
+        (("stage", Proportional(k=1.0), line_reference()), "machine must be a Machine, got str"),
+    ],
+)
+def test_what_is_no_part_of_a_loop_is_named(arguments, message, monkeypatch):
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)  # as for a user
+    with pytest.raises(SimulationError, match=message):
+        cl.simulate(*arguments)
+    with pytest.raises(SimulationError, match=r"seed must be a whole number >= 0, got 1\.5"):
+        cl.simulate(velocity_stage(), Proportional(k=1.0), line_reference(), seed=1.5)
 
 
 @pytest.mark.parametrize(
@@ -245,5 +316,5 @@ def test_a_contour_is_no_reference(monkeypatch):
 
 def test_a_disturbance_on_no_axis_is_refused():
     push = StepDisturbance(axis=2, amplitude=1.0)
-    with pytest.raises(cl.errors.ContourlabError, match="axis must be < 2"):
+    with pytest.raises(cl.errors.ContourlabError, match="acts on axis 2, the machine has 2 axes"):
         cl.simulate(velocity_stage(), Proportional(k=1.0), line_reference(), disturbances=[push])

@@ -110,7 +110,7 @@ class Circle(Contour):
     radius: Float[Array, " ..."] = real(unit="m", above=0.0, ndim=0)
     center: Float[Array, "... n_axes"] = real(unit="m", ndim=1, default=(0.0, 0.0))
     normal: Float[Array, "... 3"] | None = real(ndim=1, default=None)
-    clockwise: bool = static(default=False)
+    clockwise: bool = static(flag=True, default=False)
     start_angle: Float[Array, " ..."] = real(unit="rad", ndim=0, default=0.0)
 
     def check(self) -> None:

@@ -68,7 +68,7 @@ class Path(Contour):
     """Line of the part program that made the piece, 0 if unknown."""
     kinds: str = static(allowed=("helical", "bezier", "mixed"))
     """Which kinds of piece there are; decides what is compiled."""
-    is_closed: bool = static(default=False)
+    is_closed: bool = static(flag=True, default=False)
 
     # -- making -------------------------------------------------------------------------------
 

@@ -13,17 +13,18 @@ gains; an integral that leads back is never held.
 from __future__ import annotations
 
 import abc
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import Any, ClassVar, Protocol, cast, runtime_checkable
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from contourlab.configuration import part, real
+from contourlab.configuration import as_leaf, check_real, part, real
 from contourlab.contours.base import Contour
 from contourlab.controllers.base import BoundController, Controller
 from contourlab.errors import ConfigurationError, RefusedError
 from contourlab.machines.base import NominalModel
+from contourlab.machines.base import per_axis as spread_over_axes
 from contourlab.recordings.sample import Sample
 from contourlab.typing import Array, AxisVector, Count, Scalar
 
@@ -101,6 +102,9 @@ class AxisController(Controller):
 
     model: NominalModel = part()
 
+    def __check_init__(self) -> None:
+        refuse_no_model(self.model)
+
     @property
     def n_axes(self) -> int:
         """Number of axes."""
@@ -124,6 +128,14 @@ class AxisController(Controller):
         """
 
 
+def refuse_no_model(model: object) -> None:
+    """Raise ConfigurationError unless a law was given a nominal model."""
+    if not isinstance(model, NominalModel):
+        raise ConfigurationError(
+            f"model must be a NominalModel, such as machine.nominal, got {type(model).__name__}"
+        )
+
+
 def refuse_position_command(name: str, model: NominalModel) -> None:
     """Raise RefusedError if a model is commanded by positions: its drive closes the loop itself."""
     if model.command == "position":
@@ -134,7 +146,10 @@ def refuse_position_command(name: str, model: NominalModel) -> None:
 
 
 def per_axis(name: str, value: Any, n_axes: int) -> Array:
-    """Return a value for every axis, shape (n_axes,).
+    """Return a value for every axis, shape (n_axes,), where a law is bound.
+
+    The rule is that of :func:`contourlab.machines.base.per_axis`, but for batches: a law is bound
+    one at a time, under ``vmap`` if there are many.
 
     Parameters
     ----------
@@ -150,12 +165,36 @@ def per_axis(name: str, value: Any, n_axes: int) -> Array:
     ConfigurationError
         Neither.
     """
-    if np.shape(value) not in ((), (n_axes,)):
+    if np.shape(value) not in ((), (1,), (n_axes,)):
         raise ConfigurationError(
             f"{name} must be one number or one for each of the {n_axes} axes, "
             f"got shape {np.shape(value)}"
         )
-    return jnp.broadcast_to(jnp.asarray(value, float), (n_axes,))
+    return spread_over_axes(name, value, n_axes)
+
+
+def checked_per_axis(name: str, value: Any, n_axes: int, **bounds: float) -> Array:
+    """Return a value for every axis, shape (n_axes,), of an argument that no field has checked.
+
+    Parameters
+    ----------
+    name
+        Of the argument, for the message.
+    value
+        One number, or one per axis.
+    n_axes
+        Number of axes.
+    **bounds
+        As :func:`contourlab.configuration.real` takes them.
+
+    Raises
+    ------
+    ConfigurationError
+        Neither, no number, or out of bounds.
+    """
+    leaf = as_leaf(value)
+    check_real(name, leaf, **cast(Any, bounds))
+    return per_axis(name, leaf, n_axes)
 
 
 def clip(command: AxisVector, limit: AxisVector) -> AxisVector:

@@ -38,8 +38,10 @@ from contourlab.contours.base import Contour
 from contourlab.controllers.axis_controller import (
     AxisController,
     BoundAxisController,
+    checked_per_axis,
     held_integral,
     per_axis,
+    refuse_no_model,
     refuse_position_command,
 )
 from contourlab.controllers.base import Needs
@@ -148,14 +150,14 @@ class AxisPid(AxisController):
         Raises
         ------
         ConfigurationError
-            A value that is not > 0; a bandwidth so low that kd would be negative.
+            A value that is not > 0, or neither one number nor one per axis; a bandwidth so low
+            that kd would be negative.
         """
-        for name, value in (
-            ("bandwidth_hz", bandwidth_hz), ("damping", damping), ("integral_pole", integral_pole),
-        ):  # fmt: skip
-            if not np.all(np.asarray(value) > 0.0):
-                raise ConfigurationError(f"{name} must be > 0, got {value}")
-        omega, zeta, alpha = 2.0 * np.pi * np.asarray(bandwidth_hz, float), damping, integral_pole
+        refuse_no_model(model)
+        n = model.n_axes
+        omega = 2.0 * np.pi * checked_per_axis("bandwidth_hz", bandwidth_hz, n, above=0.0)
+        zeta = checked_per_axis("damping", damping, n, above=0.0)
+        alpha = checked_per_axis("integral_pole", integral_pole, n, above=0.0)
         mass, viscous, gain = (np.asarray(x) for x in (model.mass, model.viscous, model.gain))
         kd = ((2.0 * zeta + alpha) * omega * mass - viscous) / gain
         if np.any(kd < 0.0):
@@ -223,8 +225,8 @@ class BoundAxisPid(BoundAxisController):
     sample_time: Scalar = real(unit="s", above=0.0)
     derivative: FilteredDerivative = part()
     feed_forward: ModelFeedForward = part()
-    on_error: bool = static()
-    from_velocity: bool = static()
+    on_error: bool = static(flag=True)
+    from_velocity: bool = static(flag=True)
 
     def init(self, sample: Sample) -> AxisPidState:
         """Return the state before the first step.

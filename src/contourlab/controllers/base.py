@@ -39,6 +39,9 @@ class Needs(eqx.Module):
     """Whether it evaluates the contour itself."""
     host_synthesis: bool = eqx.field(static=True, default=False, kw_only=True)
     """Whether ``bind`` does work that cannot be traced, such as solving an LMI."""
+    tool_map: bool = eqx.field(static=True, default=False, kw_only=True)
+    """Whether the law takes account of the machine's tool map. One that does not takes axis
+    positions for those of the tool, and is refused where they differ."""
 
     def __check_init__(self) -> None:
         if self.command not in COMMAND_KINDS:

@@ -45,8 +45,10 @@ from contourlab.contours.base import Contour
 from contourlab.controllers.axis_controller import (
     AxisController,
     BoundAxisController,
+    checked_per_axis,
     held_integral,
     per_axis,
+    refuse_no_model,
     refuse_position_command,
 )
 from contourlab.controllers.base import Needs
@@ -169,13 +171,24 @@ class Cascade(AxisController):
         Raises
         ------
         ConfigurationError
-            A value that is not > 0; a bandwidth so low that k_p would be negative; a machine that
-            takes a velocity.
+            A value that is not > 0, or neither one number nor one per axis; a bandwidth so low
+            that k_p would be negative; a machine that takes a velocity.
+        RefusedError
+            The model is commanded by positions.
         """
-        for name, value in (("velocity_bandwidth_hz", velocity_bandwidth_hz), ("damping", damping)):
-            if not np.all(np.asarray(value) > 0.0):
-                raise ConfigurationError(f"{name} must be > 0, got {value}")
-        omega, zeta = 2.0 * np.pi * np.asarray(velocity_bandwidth_hz, float), np.asarray(damping)
+        refuse_no_model(model)
+        refuse_position_command("Cascade", model)
+        if model.command == "velocity":
+            raise ConfigurationError(
+                "by_bandwidth is for machines that take a force or a voltage; this one takes a "
+                "velocity, its drive closes the velocity loop itself: use "
+                "Cascade(position_gain=...)"
+            )
+        n = model.n_axes
+        bandwidth = checked_per_axis("velocity_bandwidth_hz", velocity_bandwidth_hz, n, above=0.0)
+        checked_per_axis("position_gain", position_gain, n, minimum=0.0)
+        zeta = checked_per_axis("damping", damping, n, above=0.0)
+        omega = 2.0 * np.pi * bandwidth
         mass, viscous, gain = (np.asarray(x) for x in (model.mass, model.viscous, model.gain))
         proportional = (2.0 * zeta * omega * mass - viscous) / gain
         if np.any(proportional < 0.0):
@@ -252,7 +265,7 @@ class BoundCascade(BoundAxisController):
     integral: Float[Array, " ..."] = real(ndim=1)
     sample_time: Scalar = real(unit="s", above=0.0)
     feed_forward: ModelFeedForward = part()
-    outer_only: bool = static()
+    outer_only: bool = static(flag=True)
 
     def init(self, sample: Sample) -> CascadeState:
         """Return the state before the first step.

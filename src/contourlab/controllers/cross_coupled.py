@@ -12,10 +12,12 @@ What the integral and the derivative of a *vector* mean along a curved path has 
     ε is projected onto the plane normal to the tangent at the reference point; between samples the
     integral and the filter of the derivative are carried along with that plane, turned exactly as
     the tangent turns (parallel transport, (1) below). A constant error on one side of the path is a
-    constant input to the integral, on a line as on a circle. In the plane this *is* the classical
-    scalar law: a PID on the contour error signed along the left normal, its output applied along
-    that normal. The transport extends it to space without a Frenet frame, hence without its
-    singularity on straight stretches.
+    constant input to the integral, on a line as on a circle. In the plane, and with each gain equal
+    on all axes, this *is* the classical scalar law: a PID on the contour error signed along the
+    left normal, its output applied along that normal. (Gains that differ from axis to axis scale
+    the coordinates of ε each by itself, so that the output has a part along the path.) The
+    transport extends it to space without a Frenet frame, hence without its singularity on straight
+    stretches.
 
 ``"vector"``
     A PID on each coordinate of ε. The integral stays where it is while the path turns: on a circle
@@ -31,6 +33,13 @@ Exact transport of a vector v normal to the tangent t0 into the plane normal to 
 The law is as good as its estimator. It competes with the axis loops on the normal direction, where
 the effective gains add up, and does nothing about the error along the path. High gains meet the
 same limits of stability as an axis loop with those gains.
+
+On a :class:`Cascade` that commands a force or a voltage the law gains little or nothing: the
+coupling enters as an effort, which the inner velocity loop takes for a disturbance and fights, its
+integral until nothing is left. Use it with :class:`AxisPid`, or on drives that take a velocity.
+
+The estimator is handed the positions of the axes: the law does not take account of a tool map, and
+is for machines whose axes are the coordinates of the tool point.
 
 Integrals: forward Euler; held while they would push the command further beyond the limit. The axis
 law settles on the whole command. The derivative passes a first-order filter, discretised exactly,
@@ -211,7 +220,7 @@ class BoundCrossCoupled(BoundController):
     kd: Float[Array, " ..."] = real(ndim=1)
     sample_time: Scalar = real(unit="s", above=0.0)
     derivative: FilteredDerivative = part()
-    follows_path: bool = static()
+    follows_path: bool = static(flag=True)
 
     statuses = ("normal", "saturated")
 

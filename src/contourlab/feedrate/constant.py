@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contourlab.contours.base import Contour
+from contourlab.contours.path import Path
 from contourlab.errors import FeedError
 from contourlab.feedrate.arc_length import ArcLength
 from contourlab.feedrate.limits import metres_per_second, positive, sample_count
@@ -75,7 +76,8 @@ def constant_rate(
     return Reference.along(
         contour, sample_time=float(sample_time), parameter=parameter,
         parameter_rate=np.where(moving, rate, 0.0), parameter_acceleration=zero,
-        parameter_jerk=zero, warnings=(STEP, *_ended(moving, time)),
+        parameter_jerk=zero,
+        warnings=(STEP, *_corners(contour, parameter), *_ended(moving, time)),
     )  # fmt: skip
 
 
@@ -124,7 +126,7 @@ def constant_feed(
     return Reference.along(
         contour, sample_time=dt, parameter=profile[0], parameter_rate=profile[1],
         parameter_acceleration=profile[2], parameter_jerk=profile[3],
-        warnings=(STEP, *_ended(moving, time)),
+        warnings=(STEP, *_corners(contour, profile[0]), *_ended(moving, time)),
     )  # fmt: skip
 
 
@@ -147,6 +149,24 @@ def sample_times(duration: Any, sample_time: Any) -> NDArray[Any]:
     if count < 1:
         raise FeedError(f"duration must be >= sample_time = {dt:g} s, got {total:g}")
     return dt * np.arange(count + 1)
+
+
+def _corners(contour: Contour, parameter: NDArray[Any]) -> tuple[str, ...]:
+    """Return a warning of the corners of a path that the motion passes."""
+    if not isinstance(contour, Path):
+        return ()
+    at = contour.joints().parameter[contour.corners()]
+    low, high = float(parameter.min()), float(parameter.max())
+    if contour.closed:
+        period = float(np.asarray(contour.breaks)[-1])
+        passed = np.ceil((high - at) / period) - 1.0 > np.floor((low - at) / period)
+    else:
+        passed = (low < at) & (at < high)
+    count = int(passed.sum())
+    if not count:
+        return ()
+    places = f"{count} corners" if count > 1 else "a corner"
+    return (f"the path turns at {places}: the velocity of the reference jumps there",)
 
 
 def _ended(moving: NDArray[Any], time: NDArray[Any]) -> tuple[str, ...]:

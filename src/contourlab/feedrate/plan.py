@@ -70,7 +70,7 @@ class Plan:
 def programmed_feed(
     contour: Contour | Part,
     *,
-    limits: AxisLimits,
+    limits: AxisLimits | None,
     sample_time: float,
     feed: Any = None,
     rapid_feed: float | str | None = None,
@@ -92,7 +92,7 @@ def programmed_feed(
 def plan_feed(
     contour: Contour | Part,
     *,
-    limits: AxisLimits,
+    limits: AxisLimits | None,
     sample_time: float,
     feed: Any = None,
     rapid_feed: float | str | None = None,
@@ -111,7 +111,8 @@ def plan_feed(
     contour
         A contour, or a part whose pieces carry feeds, rapids and dwells.
     limits
-        Of the axes, which are the contour's coordinates.
+        Of the axes, which are the contour's coordinates; those of a machine that has none, None,
+        are refused.
     sample_time
         Time between samples, > 0 [s].
     feed
@@ -125,9 +126,11 @@ def plan_feed(
     Raises
     ------
     FeedError
-        No feed, one that is not > 0, limits for another number of axes, a contour without length
-        or with a cusp.
+        No feed, one that is not > 0, no limits, limits for another number of axes, a contour
+        without length or with a cusp.
     """
+    if limits is None:
+        raise FeedError("limits is missing: the machine has no axis limits")
     program = program_of(contour, feed=feed, rapid_feed=rapid_feed)
     dt = positive(sample_time, "sample_time", "s")
     angle = float(corner_angle)

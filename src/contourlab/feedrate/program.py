@@ -14,7 +14,7 @@ from contourlab.contours.path import Path
 from contourlab.errors import FeedError
 from contourlab.feedrate.limits import metres_per_second
 
-__all__ = ["Program", "program_of"]
+__all__ = ["Program", "part_warnings", "program_of"]
 
 Values = NDArray[Any]
 
@@ -34,6 +34,8 @@ class Program:
     """Time at rest before the first [s]."""
     warnings: tuple[str, ...]
     """What the part's reader wanted seen."""
+    part: Part | None = None
+    """The part, if the contour came from one."""
 
 
 def program_of(contour: Contour | Part, *, feed: Any, rapid_feed: Any) -> Program:
@@ -62,6 +64,24 @@ def program_of(contour: Contour | Part, *, feed: Any, rapid_feed: Any) -> Progra
     return Program(contour, _feeds(feed, n), np.zeros(n, bool), none, 0.0, ())
 
 
+def part_warnings(part: Part) -> tuple[str, ...]:
+    """Return what the user should see of how a part was read: its warnings and ignored words.
+
+    Parameters
+    ----------
+    part
+        As read. Line numbers (N) are labels and not listed.
+    """
+    words = [
+        f"{word} (line {seen.line}{f', {seen.count} times' if seen.count > 1 else ''})"
+        for word, seen in part.ignored.items()
+        if word != "N"
+    ]
+    if not words:
+        return tuple(part.warnings)
+    return *part.warnings, f"words that do not move the tool were ignored: {', '.join(words)}"
+
+
 def _of_part(part: Part, feed: Any, rapid_feed: Any) -> Program:
     n = part.path.n_pieces
     rapid = np.asarray(part.rapid, bool)
@@ -83,7 +103,7 @@ def _of_part(part: Part, feed: Any, rapid_feed: Any) -> Program:
         raise FeedError(f"{part.describe(k)}: the dwell after it must be >= 0 s, got {dwell[k]:g}")
     if not (np.isfinite(before) and before >= 0.0):
         raise FeedError(f"the dwell before the first piece must be >= 0 s, got {before:g}")
-    return Program(part.path, speed, rapid, dwell, before, tuple(part.warnings))
+    return Program(part.path, speed, rapid, dwell, before, part_warnings(part), part)
 
 
 def _feeds(feed: Any, n: int) -> Values:

@@ -30,6 +30,21 @@ def remarks(motion: Motion, limits: AxisLimits) -> tuple[str, ...]:
     return tuple(sentence for sentence in sentences if sentence)
 
 
+def _place(motion: Motion, edge: int) -> str:
+    """Return where an edge is: along the path, and in the program if there is one."""
+    text = f"{1e3 * motion.segments.edges[edge]:.4g} mm"
+    part, pieces = motion.program.part, motion.segments.piece
+    if part is None:
+        return text
+    line = int(part.source_line[int(pieces[min(edge, len(pieces) - 1)])])
+    return f"{text}, line {line}"
+
+
+def _axis(motion: Motion, axis: int) -> str:
+    part = motion.program.part
+    return f"axis {axis if part is None else part.axes[axis]}"
+
+
 def _slower(motion: Motion) -> str:
     length = np.diff(motion.segments.edges)
     held = motion.speed < motion.programmed * (1.0 - _NOTICED)
@@ -40,7 +55,7 @@ def _slower(motion: Motion) -> str:
     least = int(np.argmin(np.where(held, motion.speed / motion.programmed, np.inf)))
     return (
         f"axis limits hold the feed below the programmed one on {1e3 * length[held].sum():.4g} mm "
-        f"({100 * share:.3g} %) of the path, at {1e3 * motion.segments.edges[least]:.4g} mm to "
+        f"({100 * share:.3g} %) of the path, at {_place(motion, least)}, to "
         f"{6e4 * motion.speed[least]:.4g} of {6e4 * motion.programmed[least]:.4g} mm/min; "
         "speeding up and slowing down for stops and slower places come on top"
     )
@@ -71,9 +86,9 @@ def _curvature_jumps(motion: Motion, limits: AxisLimits) -> str:
     steps = jump[where] * speed[:, None] ** 2
     share = steps / np.asarray(limits.acceleration)
     row, axis = np.unravel_index(int(np.argmax(share)), share.shape)
+    place = f"{_axis(motion, int(axis))}, at {_place(motion, int(np.flatnonzero(where)[row]))}"
     return (
         f"the curvature jumps at {int(where.sum())} joints that are passed without a stop: an axis "
-        f"acceleration jumps by up to {steps[row, axis]:.3g} m/s^2 there (axis {int(axis)}, at "
-        f"{1e3 * segments.edges[where][row]:.4g} mm), within its limit; "
-        "the jerk is not limited there"
+        f"acceleration jumps by up to {steps[row, axis]:.3g} m/s^2 there ({place}), "
+        "within its limit; the jerk is not limited there"
     )

@@ -15,7 +15,6 @@ from contourlab.machines.disturbance import (
     Disturbance,
     SineDisturbance,
     StepDisturbance,
-    total_disturbance,
 )
 from contourlab.machines.drive import Drive
 from contourlab.machines.encoder import Encoder, Measurement, straight_through_round
@@ -50,5 +49,4 @@ __all__ = [
     "linear_motor_stage",
     "published",
     "straight_through_round",
-    "total_disturbance",
 ]

@@ -1,15 +1,14 @@
 """Disturbances: efforts that act on the axes on a schedule.
 
-A disturbance is an effort in the unit of gain × command (N on a force-driven machine), added to
-that of the drive and held over a control period at its value at the period's start. Several are
-given as a tuple and add up.
+A disturbance is an effort in the unit of gain × command (N on a force-driven machine; the unit of
+the command itself on axes given by transfer functions), added to that of the drive and held over a
+control period at its value at the period's start. Several are given as a tuple and add up.
 """
 
 from __future__ import annotations
 
 import abc
 import math
-from collections.abc import Sequence
 
 import jax.numpy as jnp
 import numpy as np
@@ -18,7 +17,7 @@ from contourlab.configuration import Configuration, real, static
 from contourlab.errors import ConfigurationError
 from contourlab.typing import AxisVector, Scalar
 
-__all__ = ["Disturbance", "SineDisturbance", "StepDisturbance", "total_disturbance"]
+__all__ = ["Disturbance", "SineDisturbance", "StepDisturbance"]
 
 
 class Disturbance(Configuration):
@@ -106,21 +105,3 @@ class SineDisturbance(Disturbance):
             Time from the start of the run [s].
         """
         return jnp.sin(2.0 * math.pi * self.frequency_hz * (time - self.start) + self.phase)
-
-
-def total_disturbance(disturbances: Sequence[Disturbance], time: Scalar, n_axes: int) -> AxisVector:
-    """Return the sum of several disturbances, shape (n_axes,).
-
-    Parameters
-    ----------
-    disturbances
-        None or more.
-    time
-        Time from the start of the run [s].
-    n_axes
-        Number of axes of the machine.
-    """
-    total = jnp.zeros(n_axes)
-    for disturbance in disturbances:
-        total = total + disturbance.value(time, n_axes)
-    return total

@@ -15,6 +15,8 @@ from contourlab.machines.transfer_function import TransferFunctionAxes
 
 __all__ = ["ball_screw_stage", "linear_motor_stage"]
 
+EXAMPLE = "An example, not a measured product: every number is plausible, none was measured."
+
 
 def linear_motor_stage(*, encoder: float = 0.1e-6, computing_delay: float = 0.0) -> Machine:
     """Return a stacked XY stage on linear motors that takes forces; plausible, not a product.
@@ -56,6 +58,7 @@ def linear_motor_stage(*, encoder: float = 0.1e-6, computing_delay: float = 0.0)
             jerk=np.full(2, 1500.0),  # m/s³, plausible example: full acceleration in 10 ms
         ),
         substeps=10,
+        assumed=(EXAMPLE, "Current loops are ideal; cogging and cable forces are left out."),
     )
 
 
@@ -83,7 +86,7 @@ def ball_screw_stage(*, n_axes: int = 3, computing_delay: float = 0.0) -> Machin
     ConfigurationError
         Another number of axes.
     """
-    if n_axes not in (1, 2, 3):
+    if type(n_axes) is not int or n_axes not in (1, 2, 3):
         raise ConfigurationError(f"n_axes must be 1, 2 or 3, got {n_axes!r}")
     return Machine(
         names=("X", "Y", "Z")[:n_axes],
@@ -102,5 +105,9 @@ def ball_screw_stage(*, n_axes: int = 3, computing_delay: float = 0.0) -> Machin
             velocity=np.array((0.5, 0.5, 0.4))[:n_axes],  # m/s: 30, 30, 24 m/min
             acceleration=np.array((5.0, 5.0, 4.0))[:n_axes],  # m/s²
             jerk=np.full(n_axes, 100.0),  # m/s³
+        ),
+        assumed=(
+            EXAMPLE,
+            "The velocity loops remove friction; lost motion is left out.",
         ),
     )

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from contourlab.configuration import Configuration, is_concrete, part, real, static
-from contourlab.errors import ConfigurationError, TravelError
+from contourlab.errors import ConfigurationError
 from contourlab.feedrate.limits import AxisLimits
 from contourlab.machines.base import (
     BoundDynamics,
@@ -71,6 +71,8 @@ class Machine(Configuration):
     """Substeps per control period for dry friction; nothing else needs them."""
     nominal_model: NominalModel | None = part(default=None)
     """What laws are told instead of the truth; if not given, the truth without its details."""
+    assumed: tuple[str, ...] = static(default=())
+    """What stands here without a measurement or a source, in sentences; reports show it."""
 
     def __check_init__(self) -> None:
         if not self.names or any(not isinstance(name, str) or not name for name in self.names):
@@ -134,25 +136,6 @@ class Machine(Configuration):
         if self.nominal_model is not None:
             return self.nominal_model
         return self.dynamics.nominal(self.n_axes, self.drive)
-
-    def check_travel(self, position: Any) -> None:
-        """Raise TravelError unless every position is within the travel.
-
-        Parameters
-        ----------
-        position
-            Axis positions, shape (..., n_axes) [m].
-        """
-        points = np.reshape(np.asarray(position, float), (-1, self.n_axes))
-        ends = np.broadcast_to(np.asarray(self.travel), (self.n_axes, 2))
-        outside = (points < ends[:, 0]) | (points > ends[:, 1])
-        if outside.any():
-            row, axis = (int(i) for i in np.argwhere(outside)[0])
-            low, high = ends[axis]
-            raise TravelError(
-                f"axis {self.names[axis]} would go to {points[row, axis] * 1e3:.6g} mm; its travel "
-                f"is {low * 1e3:.6g} to {high * 1e3:.6g} mm"
-            )
 
     def bind(self, sample_time: Scalar) -> BoundMachine:
         """Return the machine discretised for one sample time; traceable over every leaf.

@@ -17,6 +17,8 @@ moves at the smoothed friction's creep and no faster.
 
 from __future__ import annotations
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -101,6 +103,8 @@ class RigidAxes(Dynamics):
     def nominal(self, n_axes: int, drive: Drive) -> NominalModel:
         """Return what a law may know of these axes: mass, viscous, Coulomb, gain.
 
+        Coulomb friction is the mean of both directions, which the model does not tell apart.
+
         Parameters
         ----------
         n_axes
@@ -108,7 +112,11 @@ class RigidAxes(Dynamics):
         drive
             Kind and limit of the command.
         """
-        coulomb = 0.0 if self.friction is None else self.friction.coulomb
+        coulomb: Any = 0.0
+        if self.friction is not None:
+            coulomb = self.friction.coulomb
+            if self.friction.coulomb_backward is not None:
+                coulomb = 0.5 * (coulomb + self.friction.coulomb_backward)
         return NominalModel(
             mass=per_axis("mass", self.mass, n_axes),
             viscous=per_axis("viscous", self.viscous, n_axes),

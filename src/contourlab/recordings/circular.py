@@ -26,6 +26,10 @@ __all__ = [
 
 Points = NDArray[Any]
 
+_RANK_TOLERANCE = 1e-10
+"""Width over length below which points are a line: rounding of 1 mm of path 1 m from the origin
+gives 1e-13, an arc of 1 mm on a radius of 1 km some 1e-7."""
+
 
 class CircularDeviation(NamedTuple):
     """A pair of concentric circles that envelop a path with the least radial separation."""
@@ -43,7 +47,15 @@ def _planar(points: Any) -> Points:
         raise RecordingError(f"a circle needs points of shape (n >= 3, 2), got {array.shape}")
     if not np.isfinite(array).all():
         raise RecordingError("the points of a circle must be finite")
+    spread = np.linalg.svd(array - array.mean(axis=0), compute_uv=False)
+    if spread[1] <= _RANK_TOLERANCE * spread[0]:
+        raise RecordingError("the points lie on a line: no circle fits them")
     return array
+
+
+def _directions(offset: Points, distance: Points) -> Points:
+    """Return the unit vectors of offsets; zero, a subgradient too, for a point on the centre."""
+    return offset / np.where(distance > 0.0, distance, 1.0)[:, None]
 
 
 def least_squares_circle(points: Any) -> tuple[tuple[float, float], float]:
@@ -57,7 +69,7 @@ def least_squares_circle(points: Any) -> tuple[tuple[float, float], float]:
     Raises
     ------
     RecordingError
-        Fewer than three points, not planar, or not finite.
+        Fewer than three points, not planar, not finite, or on a line.
     """
     p = _planar(points)
     shift = p.mean(axis=0)
@@ -70,7 +82,7 @@ def least_squares_circle(points: Any) -> tuple[tuple[float, float], float]:
     for _ in range(20):
         offset = q - centre
         distance = np.linalg.norm(offset, axis=1)
-        jacobian = np.column_stack([-offset / distance[:, None], -np.ones(len(q))])
+        jacobian = np.column_stack([-_directions(offset, distance), -np.ones(len(q))])
         step = np.linalg.lstsq(jacobian, -(distance - radius), rcond=None)[0]
         centre, radius = centre + step[:2], radius + float(step[2])
         if np.abs(step).max() < 1e-15 * (1.0 + radius):
@@ -92,14 +104,14 @@ def circular_deviation(points: Any) -> CircularDeviation:
     Raises
     ------
     RecordingError
-        Fewer than three points, not planar, or not finite.
+        Fewer than three points, not planar, not finite, or on a line; no minimum zone found.
     """
     p = _planar(points)
     centre = np.asarray(least_squares_circle(p)[0])
     for _ in range(50):
         offset = p - centre
         distance = np.linalg.norm(offset, axis=1)
-        direction = offset / distance[:, None]
+        direction = _directions(offset, distance)
         scale = max(float(np.ptp(distance)), 1e-300)
         mean = float(distance.mean())
         residual = (distance - mean) / scale
@@ -112,7 +124,7 @@ def circular_deviation(points: Any) -> CircularDeviation:
         bounds = [(-1.0, 1.0)] * 2 + [(None, None)] * 2
         answer = linprog([0, 0, 1, -1], A_ub=a, b_ub=limit, bounds=bounds, method="highs")
         if not answer.success:
-            break
+            raise RecordingError(f"the minimum zone was not found: {answer.message}")
         shift = answer.x[:2] * scale
         trial = np.linalg.norm(p - (centre + shift), axis=1)
         if np.ptp(trial) >= np.ptp(distance) * (1.0 - 1e-13):

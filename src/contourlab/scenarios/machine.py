@@ -8,14 +8,21 @@ from typing import Any
 import numpy as np
 
 from contourlab.configuration import replace, replace_at, resolve
-from contourlab.errors import ContourlabError, choices
+from contourlab.errors import ConfigurationError, ContourlabError, choices
 from contourlab.feedrate import AxisLimits
 from contourlab.machines import Drive, Encoder, Friction, Machine, RigidAxes, TransferFunctionAxes
 from contourlab.scenarios import registry
 from contourlab.scenarios.schema import AxisSection, MachineSection
-from contourlab.scenarios.values import KeyedError, field_value, needs_unit
+from contourlab.scenarios.values import KeyedError, at, field_value, needs_unit
 
 __all__ = ["build_machine"]
+
+_ARGUMENTS = {"encoder": "length"}
+"""Kinds of quantity of the arguments of named machines; the others are plain numbers.
+
+``computing_delay`` is a key of ``[machine]`` itself.
+"""
+_COUNTS = {"n_axes"}
 
 
 def build_machine(section: MachineSection, substeps: int | None) -> Machine:
@@ -37,30 +44,44 @@ def build_machine(section: MachineSection, substeps: int | None) -> Machine:
     for path, value in section.set.items():
         machine = _changed(machine, path, value)
     if substeps is not None:
+        if getattr(machine.dynamics, "friction", None) is None:
+            raise KeyedError(
+                ("simulation", "substeps"),
+                "substeps are for dry friction, which this machine does not have; remove it",
+            )
         machine = replace(machine, substeps=substeps)
     return machine
 
 
 def _named(section: MachineSection) -> Machine:
-    try:
+    with at("machine", "name"):
         function = registry.lookup("machine", section.name, registry.machines())
-    except ContourlabError as error:
-        raise KeyedError(("machine", "name"), str(error)) from error
-    arguments = dict(section.model_extra or {})
+    arguments: dict[str, Any] = {}
     allowed = set(inspect.signature(function).parameters)
-    for name in arguments:
+    for name, value in (section.model_extra or {}).items():
         if name not in allowed:
             known = {*allowed, "name", "set", "computing_delay", "velocity"}
             raise KeyedError(("machine", name), f"unknown key; {choices(name, known)}")
-    try:
+        with at("machine", name):
+            arguments[name] = _argument(name, value)
+    with at("machine", *arguments) if len(arguments) == 1 else at("machine"):
         machine: Machine = function(**arguments)
-    except (ContourlabError, TypeError) as error:
-        raise KeyedError(("machine",), str(error)) from error
     if section.computing_delay is not None:
-        machine = replace_at(machine, "drive.computing_delay", section.computing_delay)
+        with at("machine", "computing_delay"):
+            machine = replace_at(machine, "drive.computing_delay", section.computing_delay)
     if section.velocity is not None:
         machine = replace_at(machine, "sensor.velocity", section.velocity)
     return machine
+
+
+def _argument(name: str, value: Any) -> Any:
+    if isinstance(value, list):
+        raise ConfigurationError(f"must be a single value, got {value!r}")
+    if name in _COUNTS:
+        if isinstance(value, bool) or not isinstance(value, int):
+            raise ConfigurationError(f"must be a whole number, got {value!r}")
+        return value
+    return field_value(name, value, _ARGUMENTS.get(name))
 
 
 def _changed(machine: Machine, path: str, value: Any) -> Machine:
@@ -84,6 +105,7 @@ def _changed(machine: Machine, path: str, value: Any) -> Machine:
 
 def _of_axes(section: MachineSection) -> Machine:
     axes = section.axis or []
+    assert section.command is not None  # the schema asks for it
     try:
         friction = None
         if any(axis.coulomb or axis.breakaway for axis in axes):
@@ -119,7 +141,7 @@ def _of_axes(section: MachineSection) -> Machine:
             names=tuple(axis.name for axis in axes),
             dynamics=dynamics,
             drive=Drive(
-                command=section.command or "force",
+                command=section.command,
                 command_limit=[
                     np.inf if axis.command_limit is None else axis.command_limit for axis in axes
                 ],

@@ -11,20 +11,22 @@ from typing import Any, NoReturn
 
 import pydantic
 
+from contourlab.configuration import replace
 from contourlab.contours.base import Contour
-from contourlab.contours.part import Part
+from contourlab.contours.part import Part, axis_columns
 from contourlab.controllers.base import Controller
-from contourlab.errors import ContourlabError, ScenarioError, TravelError, UnitError, choices
+from contourlab.errors import ScenarioError, TravelError, UnitError, choices
 from contourlab.feedrate import constant_feed, constant_rate, plan_feed
+from contourlab.feedrate.program import part_warnings
 from contourlab.machines import Disturbance, Machine
 from contourlab.recordings.reference import Reference
 from contourlab.scenarios import registry
 from contourlab.scenarios.locate import Key, line_of
 from contourlab.scenarios.machine import build_machine
 from contourlab.scenarios.schema import FeedSection, PartSection, ScenarioSections
-from contourlab.scenarios.values import KeyedError, make
+from contourlab.scenarios.values import KeyedError, at, make
+from contourlab.simulation.checks import check_loop
 from contourlab.simulation.comparison import Comparison, compare
-from contourlab.simulation.run import check_loop
 
 __all__ = ["Scenario", "read_scenario", "read_scenario_text"]
 
@@ -157,17 +159,17 @@ def _build(sections: ScenarioSections, text: str, name: str, folder: FilePath) -
         _disturbance(entry, ("simulation", "disturbance", k), machine)
         for k, entry in enumerate(sections.simulation.disturbance)
     )
-    reference, stops = _reference(
-        sections.feed, contour if part is None else part, machine, sections.simulation.sample_time
-    )
+    with at("feed"):
+        reference, stops = _reference(
+            sections.feed, part or contour, machine, sections.simulation.sample_time
+        )
     for k, controller in enumerate(controllers.values()):
-        try:
-            check_loop(machine, controller, reference)
+        with at("controller", k):
+            try:
+                check_loop(machine, controller, reference)
+            except TravelError as error:  # whatever the law: the part is in the wrong place
+                raise KeyedError(("part",), str(error)) from error
             controller.bind(reference.contour, reference.sample_time)
-        except TravelError:
-            raise
-        except ContourlabError as error:
-            raise KeyedError(("controller", k), str(error)) from error
     return Scenario(
         machine, controllers, reference, disturbances, sections.simulation.seed, part, stops,
         sections.report.title, sections.report.magnification, text, name,
@@ -184,18 +186,19 @@ def _contour(
         if len(start) != 3:
             raise KeyedError(("part", "start"), f"needs X, Y and Z, got {len(start)} values")
         axes = tuple(section.axes) if section.axes is not None else machine.names
-        part = read_gcode(
-            folder / section.file, axes=axes, default_units=section.default_units,
-            block_delete=section.block_delete, start=start,
-        )  # fmt: skip
+        with at("part", "axes"):
+            axis_columns(axes)
+        with at("part"):
+            part = read_gcode(
+                folder / section.file, axes=axes, default_units=section.default_units,
+                block_delete=section.block_delete, start=start,
+            )  # fmt: skip
         return part.path, part
-    for name in ("axes", "start"):
-        if getattr(section, name) is not None:
+    for name in ("axes", "block_delete", "default_units", "start"):
+        if name in section.model_fields_set:
             raise KeyedError(("part", name), "goes with file, not with formula")
-    try:
+    with at("part", "formula"):
         cls = registry.lookup("formula", section.formula, registry.contours())
-    except ContourlabError as error:
-        raise KeyedError(("part", "formula"), str(error)) from error
     return make(cls, section.model_extra or {}, ("part",)), None
 
 
@@ -231,7 +234,10 @@ def _controller(value: Any, key: Key, machine: Machine) -> Controller:
 
 def _given(cls: type, machine: Machine) -> dict[str, Any]:
     names = {field.name for field in dataclasses.fields(cls)}
-    return {"model": machine.nominal} if "model" in names else {}
+    if "model" not in names:
+        return {}
+    with at("machine"):
+        return {"model": machine.nominal}
 
 
 def _estimator(value: Any, key: Key) -> Any:
@@ -253,10 +259,8 @@ def _typed(value: Any, key: Key, kind: str, table: dict[str, type]) -> tuple[typ
     if not isinstance(value, Mapping) or "type" not in value:
         raise KeyedError(key, f"a {kind} needs type; {choices('', table)}")
     values = dict(value)
-    try:
+    with at(*key, "type"):
         return registry.lookup(kind, values.pop("type"), table), values
-    except ContourlabError as error:
-        raise KeyedError((*key, "type"), str(error)) from error
 
 
 def _reference(
@@ -278,11 +282,20 @@ def _reference(
     if feed.kind == "constant_rate":
         assert feed.rate is not None
         assert feed.duration is not None
-        return constant_rate(
+        reference = constant_rate(
             curve, rate=feed.rate, duration=feed.duration, sample_time=sample_time
-        ), ()
-    assert feed.feed is not None
-    return constant_feed(curve, feed=feed.feed, sample_time=sample_time, duration=feed.duration), ()
+        )
+    else:
+        assert feed.feed is not None
+        reference = constant_feed(
+            curve, feed=feed.feed, sample_time=sample_time, duration=feed.duration
+        )
+    if isinstance(contour, Part):
+        unused = f"kind {feed.kind!r} does not use the program's feeds, rapids, dwells and stops"
+        reference = replace(
+            reference, warnings=(*part_warnings(contour), unused, *reference.warnings)
+        )
+    return reference, ()
 
 
 def _dotted(key: Key) -> str:

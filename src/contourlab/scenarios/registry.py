@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 from contourlab.errors import ConfigurationError, choices
-from contourlab.simulation.comparison import snake_case
+from contourlab.simulation.checks import snake_case
 
 __all__ = ["contours", "controllers", "disturbances", "estimators", "lookup", "machines"]
 

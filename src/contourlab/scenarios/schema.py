@@ -88,6 +88,9 @@ class FeedSection(Section):
         return self
 
 
+_FRICTION_VELOCITIES = {"stribeck_velocity", "smoothing_velocity"}
+
+
 class AxisSection(Section):
     """``[[machine.axis]]``: one axis, by its mass or by its transfer function."""
 
@@ -116,10 +119,16 @@ class AxisSection(Section):
             raise ValueError("give either mass, or numerator and denominator")
         if by_function and (self.numerator is None or self.denominator is None):
             raise ValueError("a transfer function needs numerator and denominator")
-        if by_function and (self.coulomb or self.breakaway or self.viscous or self.gain != 1.0):
+        of_mass = {"viscous", "gain", "coulomb", "breakaway"} | _FRICTION_VELOCITIES
+        if by_function and (given := sorted(of_mass & self.model_fields_set)):
             raise ValueError(
-                "viscous, gain and friction do not go with a transfer function, which holds them"
+                f"{', '.join(given)} {'do' if len(given) > 1 else 'does'} not go with a transfer "
+                "function, which holds the whole axis"
             )
+        if "stribeck_velocity" in self.model_fields_set and not self.breakaway:
+            raise ValueError("stribeck_velocity goes with breakaway, which is not given")
+        if "smoothing_velocity" in self.model_fields_set and not (self.coulomb or self.breakaway):
+            raise ValueError("smoothing_velocity goes with coulomb, which is not given")
         if self.travel is not None and len(self.travel) != 2:
             raise ValueError("travel must be a lower and an upper end")
         return self
@@ -133,7 +142,7 @@ class MachineSection(BaseModel):
     name: str | None = None
     axis: list[AxisSection] | None = None
     command: Literal["voltage", "force", "velocity", "position"] | None = None
-    computing_delay: Time | None = None
+    computing_delay: Time | None = Field(default=None, ge=0)
     velocity: Literal["difference", "ideal"] | None = None
     set: dict[str, Any] = Field(default_factory=dict)
 
@@ -165,7 +174,7 @@ class MachineSection(BaseModel):
 class SimulationSection(Section):
     """``[simulation]``."""
 
-    sample_time: Time = 1e-3
+    sample_time: Time = Field(default=1e-3, gt=0)
     substeps: int | None = Field(default=None, ge=1)
     seed: int = Field(default=0, ge=0, lt=2**63)
     disturbance: list[dict[str, Any]] = Field(default_factory=list)

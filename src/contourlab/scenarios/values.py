@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any, NoReturn
 
-from contourlab.errors import ConfigurationError, ContourlabError, choices
+from contourlab.errors import ConfigurationError, ContourlabError, PartError, choices
 from contourlab.scenarios.locate import Key
 from contourlab.units import parse_quantity
 
-__all__ = ["KeyedError", "field_value", "make", "needs_unit"]
+__all__ = ["KeyedError", "at", "field_value", "make", "needs_unit"]
 
 _DIMENSIONS = {
     "m": "length",
@@ -29,6 +30,31 @@ class KeyedError(ContourlabError):
     def __init__(self, key: Key, message: str) -> None:
         self.key, self.message = key, message
         super().__init__(message)
+
+
+@contextmanager
+def at(*key: str | int) -> Iterator[None]:
+    """Give errors the key of the scenario that they belong to.
+
+    Errors that have a key already, and those of a part program, which name its file and line, pass
+    as they are.
+
+    Parameters
+    ----------
+    *key
+        Where in the scenario.
+
+    Raises
+    ------
+    KeyedError
+        In place of any other error of ours.
+    """
+    try:
+        yield
+    except (KeyedError, PartError):
+        raise
+    except ContourlabError as error:
+        raise KeyedError(key, str(error)) from error
 
 
 def needs_unit(field: Any) -> str | None:

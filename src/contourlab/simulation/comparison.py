@@ -3,41 +3,26 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from contourlab.controllers.base import Controller
 from contourlab.errors import SimulationError
+from contourlab.feedrate import Plan
 from contourlab.machines import Disturbance, Machine
 from contourlab.recordings.metrics import METRICS, MetricValue
 from contourlab.recordings.recording import Recording
 from contourlab.recordings.reference import Reference
-from contourlab.simulation.run import check_loop, simulate
+from contourlab.simulation.checks import as_disturbances, as_reference, check_loop, snake_case
+from contourlab.simulation.run import simulate
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from contourlab.contours.part import Part
 
-__all__ = ["Comparison", "compare", "snake_case"]
-
-
-def snake_case(name: str) -> str:
-    """Return a class name as it is written in scenarios and on the command line.
-
-    Parameters
-    ----------
-    name
-        In capitals and small letters.
-
-    Examples
-    --------
-    >>> snake_case("CrossCoupled")
-    'cross_coupled'
-    """
-    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
+__all__ = ["Comparison", "compare"]
 
 
 @dataclass(frozen=True)
@@ -110,9 +95,9 @@ class Comparison:
 def compare(
     machine: Machine,
     controllers: Mapping[str, Controller] | Sequence[Controller],
-    reference: Reference,
+    reference: Reference | Plan,
     *,
-    disturbances: Sequence[Disturbance] = (),
+    disturbances: Sequence[Disturbance] | Disturbance = (),
     seed: int = 0,
     part: Part | None = None,
     stops: Sequence[float] = (),
@@ -135,7 +120,7 @@ def compare(
     part
         Where the contour came from, for the report.
     stops
-        Times of exact stops [s], for the report.
+        Times of exact stops [s], for the report; those of the plan if one is given.
     scenario, title
         For the report.
     progress
@@ -151,6 +136,10 @@ def compare(
     RefusedError, TravelError
         A controller cannot take the contour or the machine; the part leaves the travel.
     """
+    if isinstance(reference, Plan) and not stops:
+        stops = tuple(float(t) for t in reference.stop_times)
+    reference = as_reference(reference)
+    disturbances = as_disturbances(disturbances, machine)
     if not isinstance(controllers, Mapping):
         controllers = _named(controllers)
     if not controllers:
@@ -166,6 +155,7 @@ def compare(
     for name, controller in controllers.items():
         recordings[name] = simulate(
             machine, controller, reference, disturbances=disturbances, seed=seed, name=name,
+            scenario=scenario,
             progress=told(name),
         )  # fmt: skip
     return Comparison(recordings, reference, machine, part, tuple(stops), scenario, title)

@@ -30,6 +30,7 @@ __all__ = [
     "Carry",
     "Rows",
     "chunk_size",
+    "end_step",
     "first_carry",
     "geometry_rows",
     "outputs_of",
@@ -207,7 +208,7 @@ def run_chunk(
         done = law.finished(law_state) & (carry.finished_step < 0)
         finished = jnp.where(done, carry.step, carry.finished_step)
         if freeze:
-            keep = diverged >= 0
+            keep = (diverged >= 0) | (carry.finished_step >= 0)
             machine_state, law_state = jax.tree.map(
                 lambda new, old: jnp.where(keep, old, new),
                 (machine_state, law_state),
@@ -223,6 +224,21 @@ def run_chunk(
         return Carry(machine_state, law_state, carry.step + 1, diverged, finished), out
 
     return jax.lax.scan(step, carry, jnp.arange(n_steps, dtype=jnp.int32))
+
+
+def end_step(carry: Carry, n_samples: Array | np.int32) -> Array:
+    """Return the number of rows that count: up to where a run diverged, arrived, or ended.
+
+    Parameters
+    ----------
+    carry
+        After some chunk.
+    n_samples
+        Length of the whole run.
+    """
+    lost, done = carry.diverged_step, carry.finished_step
+    end = jnp.where(lost < 0, n_samples, lost)
+    return jnp.minimum(end, jnp.where(done < 0, n_samples, done + 1))
 
 
 def outputs_of(out: Mapping[str, Any]) -> dict[str, NDArray[Any]]:

@@ -17,23 +17,32 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from contourlab.configuration import replace_at, resolve
 from contourlab.contours.base import Contour
-from contourlab.contours.foot_points import foot_point
 from contourlab.controllers.base import Controller, Needs
 from contourlab.errors import RecordingError, SimulationError, choices
+from contourlab.feedrate import Plan
 from contourlab.machines import Disturbance, Machine
 from contourlab.recordings.reference import Reference, ReferencePoint
+from contourlab.simulation.checks import as_disturbances, as_reference, check_loop, check_seed
+from contourlab.simulation.judged import ESTIMATE, EXACT, Judged
 from contourlab.simulation.loop import (
     Carry,
     Rows,
     chunk_size,
+    end_step,
     first_carry,
     geometry_rows,
     run_chunk,
     split,
 )
-from contourlab.simulation.run import check_loop, loop_reach
+from contourlab.simulation.run import loop_reach
+from contourlab.simulation.variation import (
+    HashableTree,
+    lane_seeds,
+    lane_values,
+    mapped_axes,
+    varied,
+)
 from contourlab.typing import Array
 
 if TYPE_CHECKING:
@@ -44,12 +53,9 @@ __all__ = ["MANY_METRICS", "RECORDABLE", "simulate_many"]
 MANY_METRICS = (
     "contour_error_rms", "contour_error_max", "contour_error_mean", "tracking_error_rms",
     "tracking_error_max", "command_rms", "command_max", "saturation_time",
-    "estimate_error_rms", "estimate_error_max",
+    "cycle_time", "estimate_error_rms", "estimate_error_max",
 )  # fmt: skip
 RECORDABLE = ("actual", "measured", "command", "tracking_error", "contour_error_vector", "status")
-
-_EXACT = {"contour_error_rms", "contour_error_max", "contour_error_mean"}
-_ESTIMATE = {"estimate_error_rms", "estimate_error_max"}
 
 
 class _Sums(eqx.Module):
@@ -63,12 +69,12 @@ class _Sums(eqx.Module):
 def simulate_many(
     machine: Machine,
     controller: Controller,
-    reference: Reference,
+    reference: Reference | Plan,
     *,
     vary: Mapping[str, Any],
     metrics: Sequence[str] | None = None,
     record: Sequence[str] = (),
-    disturbances: Sequence[Disturbance] = (),
+    disturbances: Sequence[Disturbance] | Disturbance = (),
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
 ) -> xr.Dataset:
@@ -109,47 +115,39 @@ def simulate_many(
         Lanes of different number, nothing to vary, or a law that is synthesised on the host and
         varied.
     """
-    disturbances = tuple(disturbances)
+    reference = as_reference(reference)
+    disturbances = as_disturbances(disturbances, machine)
+    check_seed(seed)
     check_loop(machine, controller, reference)
     machine.bind(reference.sample_time)  # checks that need values: done once, before tracing
     law = controller.bind(reference.contour, reference.sample_time)
-    lanes, values = _lanes(vary)
+    lanes, values = lane_values(vary)
     loop = {"machine": machine, "controller": controller, "disturbances": disturbances}
-    batched = dict(loop)
-    for path, value in values.items():
-        if path == "seed":
-            continue
-        head = path.partition(".")[0]
-        if head not in loop:
-            raise SimulationError(f"vary: {choices(head, [*loop, 'seed'])}, got {path!r}")
-        full = resolve(loop, path)
-        batched = replace_at(batched, full, _like(loop, full, value))
+    batched = varied(loop, values)
     needs = controller.needs
     if needs.host_synthesis and any(path.startswith("controller") for path in values):
         raise SimulationError(
             f"{type(controller).__name__} is synthesised on the host and cannot be varied in a "
             "batch; run simulate for each value"
         )
-    seeds = np.asarray(values.get("seed", seed + np.arange(lanes)), np.int64)
-    keys = jax.vmap(jax.random.key)(seeds)
+    keys = jax.vmap(jax.random.key)(lane_seeds(values, seed, lanes))
     wanted = _wanted_metrics(metrics, law, reference, needs)
     for name in record:
         if name not in RECORDABLE:
             raise RecordingError(f"cannot record {name!r}; {choices(name, RECORDABLE)}")
-    axes = jax.tree.map(_axis_of, loop, batched)
-    in_axes = _Hashable.of(axes)
+    in_axes = mapped_axes(loop, batched)
     n, size = reference.n_samples, chunk_size(reference.n_samples)
     if lanes * size > 2**22:
         size = 256
     reach = loop_reach(reference)
     # static, since the number of commands that wait in a drive's delay depends on it
     sample_time = float(np.asarray(reference.sample_time))
-    inner = tuple(name for name in wanted if name not in _EXACT | _ESTIMATE)
-    judged = _Judged(reference.contour, wanted, lanes)
+    inner = tuple(name for name in wanted if name not in EXACT | ESTIMATE | {"cycle_time"})
+    judged = Judged(reference.contour, wanted, lanes)
     judge = bool(judged.names) or "contour_error_vector" in record
     streams = {name for name in record if name != "contour_error_vector"}
     streams |= {"tool"} if judge else set()
-    streams |= {"contour_error_estimate"} if _ESTIMATE & set(wanted) else set()
+    streams |= {"contour_error_estimate"} if ESTIMATE & set(wanted) else set()
     carry: Any = None
     kept: list[dict[str, Any]] = []
     chunks = split(reference, size, needs.preview)
@@ -164,8 +162,7 @@ def simulate_many(
         )  # fmt: skip
         rows = {name: np.asarray(value) for name, value in out.items()}
         if judge:
-            lost = np.asarray(carry[0].diverged_step)
-            end = np.where(lost < 0, n, lost)
+            end = np.asarray(end_step(carry[0], np.int32(n)))
             valid = number * size + np.arange(size) < end[:, None]
             vector = judged.add(rows, valid, np.asarray(points.parameter)[:size])
             rows["contour_error_vector"] = vector
@@ -173,66 +170,9 @@ def simulate_many(
             kept.append({name: rows[name] for name in record})
         if progress is not None:
             progress((number + 1) / len(chunks))
-        if bool(np.all(np.asarray(carry[0].diverged_step) >= 0)):
+        if bool(np.all(np.asarray(end_step(carry[0], np.int32(n))) <= (number + 1) * size)):
             break
     return _dataset(machine, reference, values, carry, wanted, kept, n, judged)
-
-
-def _lanes(vary: Mapping[str, Any]) -> tuple[int, dict[str, NDArray[Any]]]:
-    values = {path: np.asarray(value) for path, value in vary.items()}
-    if not values:
-        raise SimulationError("vary names nothing to vary")
-    for path, value in values.items():
-        if value.ndim == 0:
-            raise SimulationError(f"vary: {path} needs one value per lane, got a single number")
-        if value.dtype.kind not in "iuf":
-            raise SimulationError(f"vary: {path} must hold numbers")
-    lengths = {path: len(value) for path, value in values.items()}
-    if len(set(lengths.values())) != 1 or 0 in lengths.values():
-        shown = ", ".join(f"{path} has {length}" for path, length in lengths.items())
-        raise SimulationError(f"vary is zipped: every path needs as many values (>= 1), {shown}")
-    return next(iter(lengths.values())), values
-
-
-def _like(loop: Any, path: str, value: NDArray[Any]) -> NDArray[Any]:
-    """Return lane values broadcast to the shape of the field that they replace."""
-    field = loop
-    for name in path.split("."):
-        if isinstance(field, Mapping):
-            field = field[name]
-        else:
-            field = field[int(name)] if isinstance(field, tuple) else getattr(field, name)
-    if not isinstance(field, jax.Array | np.ndarray):
-        raise SimulationError(f"vary: {path} is not a number that can be varied in a batch")
-    value = value.astype(float)
-    if np.ndim(field) == 0:
-        return value  # one number for all axes may become one per axis
-    shape = (len(value), *np.shape(field))
-    while value.ndim < len(shape):
-        value = value[..., None]
-    try:
-        return np.ascontiguousarray(np.broadcast_to(value, shape))
-    except ValueError:
-        raise SimulationError(
-            f"vary: {path} needs lanes of shape {shape[1:]} or single numbers, "
-            f"got {value.shape[1:]}"
-        ) from None
-
-
-def _axis_of(single: Any, batch: Any) -> int | None:
-    return 0 if np.ndim(batch) > np.ndim(single) else None
-
-
-class _Hashable(tuple[Any, ...]):
-    """A pytree of ``in_axes`` as a static, hashable argument."""
-
-    @staticmethod
-    def of(tree: Any) -> _Hashable:
-        leaves, treedef = jax.tree.flatten(tree, is_leaf=lambda x: x is None)
-        return _Hashable((tuple(leaves), treedef))
-
-    def tree(self) -> Any:
-        return jax.tree.unflatten(self[1], self[0])
 
 
 def _wanted_metrics(
@@ -243,8 +183,8 @@ def _wanted_metrics(
             raise RecordingError(f"no metric {name!r} in a batch; {choices(name, MANY_METRICS)}")
     estimates = _has_estimate(law, reference, needs)
     if names is None:
-        return tuple(m for m in MANY_METRICS if estimates or m not in _ESTIMATE)
-    if not estimates and _ESTIMATE & set(names):
+        return tuple(m for m in MANY_METRICS if estimates or m not in ESTIMATE)
+    if not estimates and ESTIMATE & set(names):
         raise RecordingError("the law does not report a contour_error_estimate")
     return tuple(names)
 
@@ -264,49 +204,10 @@ def _has_estimate(law: Any, reference: Reference, needs: Needs) -> bool:
     return "contour_error_estimate" in jax.eval_shape(shape)
 
 
-class _Judged:
-    """Sums and maxima of what is judged by the exact contour error, over lanes."""
-
-    def __init__(self, contour: Contour, wanted: tuple[str, ...], lanes: int) -> None:
-        self.contour = contour
-        self.names = tuple(name for name in wanted if name in _EXACT | _ESTIMATE)
-        self.sums = {name: np.zeros(lanes) for name in self.names if not name.endswith("_max")}
-        self.maxima = {name: np.zeros(lanes) for name in self.names if name.endswith("_max")}
-
-    def add(
-        self, rows: Mapping[str, NDArray[Any]], valid: NDArray[Any], parameter: NDArray[Any]
-    ) -> NDArray[Any]:
-        """Take in a chunk and return its contour error vectors, NaN where a lane is lost.
-
-        Parameters
-        ----------
-        rows
-            ``tool`` and, if asked for, ``contour_error_estimate``, (lanes, steps, coordinates) [m].
-        valid
-            Which of them count, (lanes, steps).
-        parameter
-            Of the reference, (steps,).
-        """
-        near = np.broadcast_to(parameter, valid.shape)[valid]
-        vector = np.full(rows["tool"].shape, np.nan)
-        vector[valid] = foot_point(self.contour, rows["tool"][valid], near=near).vector
-        sizes = {"contour_error": vector}
-        if "contour_error_estimate" in rows:
-            sizes["estimate_error"] = rows["contour_error_estimate"] - vector
-        for name in self.names:
-            what, how = name.rsplit("_", 1)
-            value = np.where(valid, np.linalg.norm(sizes[what], axis=-1), 0.0)
-            if how == "max":
-                self.maxima[name] = np.maximum(self.maxima[name], value.max(axis=1))
-            else:
-                self.sums[name] += (value**2 if how == "rms" else value).sum(axis=1)
-        return vector
-
-
 @functools.partial(jax.jit, static_argnames=("sample_time", "in_axes", "needs", "wanted"))
 def _first(
     loop: Any, contour: Contour, points: ReferencePoint, keys: Array, sample_time: float, *,
-    in_axes: _Hashable, needs: Needs, wanted: tuple[str, ...],
+    in_axes: HashableTree, needs: Needs, wanted: tuple[str, ...],
 ) -> tuple[Carry, _Sums]:  # fmt: skip
     geometry = geometry_rows(contour, points.parameter[:1], needs.derivatives)
     n_axes = points.position.shape[-1]
@@ -332,7 +233,7 @@ def _first(
 )
 def _chunk(
     loop: Any, contour: Contour, carry: Any, points: ReferencePoint, sample_time: float, reach: Any,
-    n_samples: Any, *, in_axes: _Hashable, needs: Needs, n_steps: int, wanted: tuple[str, ...],
+    n_samples: Any, *, in_axes: HashableTree, needs: Needs, n_steps: int, wanted: tuple[str, ...],
     record: tuple[str, ...],
 ) -> tuple[Any, dict[str, Array]]:  # fmt: skip
     geometry = geometry_rows(contour, points.parameter[:n_steps], needs.derivatives)
@@ -347,8 +248,7 @@ def _chunk(
             needs=needs, n_steps=n_steps, freeze=True,
         )  # fmt: skip
         step = before.step + jnp.arange(n_steps, dtype=jnp.int32)
-        end = jnp.where(after.diverged_step < 0, n_samples, after.diverged_step)
-        valid = step < end
+        valid = step < end_step(after, n_samples)
         signals = dict(out)
         signals["tracking_error"] = here.position - out["actual"]
         if "tool" in record:
@@ -393,7 +293,7 @@ def _reduce(
 
 def _dataset(
     machine: Machine, reference: Reference, values: Mapping[str, Any], carry: Any,
-    wanted: tuple[str, ...], kept: list[dict[str, Any]], n: int, judged: _Judged,
+    wanted: tuple[str, ...], kept: list[dict[str, Any]], n: int, judged: Judged,
 ) -> xr.Dataset:  # fmt: skip
     import xarray as xr
 
@@ -411,7 +311,9 @@ def _dataset(
         extra = [f"{path}_{k}" for k in range(value.ndim - 1)]
         data[path] = (("lane", *extra), value)
     for name in wanted:
-        if name in maxima:
+        if name == "cycle_time":
+            result = (np.asarray(end_step(state, np.int32(n))) - 1) * sample_time
+        elif name in maxima:
             result = np.asarray(maxima[name])
         else:
             total = np.asarray(totals[name])

@@ -68,6 +68,16 @@ def meng_xy_stage() -> Machine:
             jerk=np.full(2, 50.0),  # m/s³, assumed
         ),
         substeps=10,
+        assumed=(
+            "The paper leaves the stage's sensor open; assumed: 1 um and the backward difference.",
+            "It leaves control cycle and computing delay of the stage open; assumed: no delay.",
+            "It leaves travel and axis limits open; assumed: +-0.1 m, the speed that 9 V hold, "
+            "2 m/s^2 and 50 m/s^3.",
+            "It names no breakaway or Stribeck friction; assumed: none, and a sign smoothed over "
+            "0.1 mm/s.",
+            "Dynamics beyond two poles are unknown; the published tracking errors are larger than "
+            "this model gives.",
+        ),
     )
 
 
@@ -88,4 +98,10 @@ def meng_simulated_axes(*, viscous_z: float = 180.0) -> Machine:
             mass=np.ones(3), viscous=np.array((205.0, 230.0, viscous_z)), coulomb=np.zeros(3),
             gain=np.ones(3), command_limit=np.full(3, np.inf), command="voltage",
         ),  # section IV.A
+        assumed=(
+            "The paper leaves open how velocity is found and where the motion starts; assumed: "
+            "true velocity, no quantisation.",
+            f"The law is told a viscous coefficient of {float(viscous_z):g} for z; 180 is printed, "
+            "185 is probably meant.",
+        ),
     )  # fmt: skip
