@@ -8,19 +8,23 @@ import numpy as np
 import contourlab as cl
 
 contour = cl.contours.Ellipse(semi_axes=(0.03, 0.01))
-reference = cl.feedrate.constant_rate(contour, rate=1.8 * np.pi, duration=2.2, sample_time=1e-3)
+reference = cl.feedrate.constant_rate(contour, rate=1.8 * np.pi, duration=2.2, sample_time=5e-4)
 machine = cl.machines.published.meng_xy_stage()
 
 pid = cl.controllers.AxisPid.by_pole_placement(
-    machine.nominal, bandwidth_hz=15.0, derivative_cutoff_hz=150.0
+    machine.nominal, bandwidth_hz=60.0, derivative_cutoff_hz=600.0
 )
 controllers = {
     "pid": pid,
     "pid, feed-forward": cl.replace(
         pid, velocity_feed_forward=1.0, acceleration_feed_forward=1.0, friction_feed_forward=1.0
     ),
+    # the gains towards the path are twice those of the axes
     "cross-coupled": cl.controllers.CrossCoupled(
-        axis=pid, estimator=cl.contour_errors.OsculatingCircleEstimator(), kp=2.0 * pid.kp.max()
+        axis=pid,
+        estimator=cl.contour_errors.OsculatingCircleEstimator(),
+        kp=2.0 * pid.kp.max(),
+        ki=2.0 * pid.ki.max(),
     ),
 }
 comparison = cl.compare(machine, controllers, reference)

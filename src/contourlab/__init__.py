@@ -1,9 +1,10 @@
 """Contouring control: designed, judged by the exact contour error, and shipped to real time.
 
 ``import contourlab`` does two things to JAX, for the whole process. It makes it compute in float64
-(``jax_enable_x64``): a contour error of a micrometre on a metre is lost in float32. And, unless the
-processor has been used already, it asks XLA to compile a small loop as one piece of machine code
-(in ``XLA_FLAGS``): a control step then takes a tenth of a microsecond instead of several.
+(``jax_enable_x64``): a contour error of a micrometre on a metre is lost in float32. And it asks XLA
+(in ``XLA_FLAGS``) to compile a small loop as one piece of machine code: a control step then takes a
+tenth of a microsecond instead of several. The second has no effect if JAX has computed before; both
+are inherited by programs started from this one.
 
 Packages are imported when first used.
 """

@@ -95,6 +95,10 @@ def real(
     return eqx.field(converter=as_leaf, metadata={"real": bounds}, kw_only=True, **keywords)
 
 
+def _plain_flag(value: Any) -> Any:
+    return bool(value) if isinstance(value, np.bool_) else value
+
+
 def static(
     *,
     allowed: tuple[Any, ...] | None = None,
@@ -116,6 +120,8 @@ def static(
         Passed to ``dataclasses.field``, such as ``default``.
     """
     rule = {"allowed": allowed, "minimum": minimum, "flag": flag}
+    if flag:
+        keywords["converter"] = _plain_flag
     return eqx.field(static=True, metadata={"choice": rule}, kw_only=True, **keywords)
 
 
@@ -162,7 +168,9 @@ class Configuration(eqx.Module):
         """
 
 
-_NO_NUMBERS = (str, bytes, bool, np.generic, Mapping, list, tuple, set, frozenset, eqx.Module)
+_NO_NUMBERS = (
+    str, bytes, bool, complex, np.generic, Mapping, list, tuple, set, frozenset, eqx.Module
+)  # fmt: skip
 """What is refused as a number; numbers, and sequences of them, are arrays by then."""
 
 
@@ -217,7 +225,7 @@ def check_static(
     flag: bool = False,
 ) -> None:
     """Raise ConfigurationError unless a static value is one of the allowed ones."""
-    if flag and not isinstance(value, bool | np.bool_):
+    if flag and not isinstance(value, bool):
         raise ConfigurationError(f"{name} must be True or False, got {value!r}")
     if allowed is not None and value not in allowed:
         raise ConfigurationError(

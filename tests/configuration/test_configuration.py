@@ -71,14 +71,14 @@ def test_messages_name_value_and_bound(values, message):
     ids=repr,
 )  # fmt: skip
 def test_what_is_no_number_is_refused(value):
-    with pytest.raises(ConfigurationError, match="^position must be a number, got "):
+    with pytest.raises(ConfigurationError, match=r"^position must be a number, got "):
         Placed(position=value)
-    with pytest.raises(ConfigurationError, match="^position must be a number, got "):
+    with pytest.raises(ConfigurationError, match=r"^position must be a number, got "):
         replace(Placed(position=[0.0, 1.0]), position=value)
 
 
 def test_the_message_shows_what_was_given():
-    with pytest.raises(ConfigurationError, match="^position must be a number, got '0.1 um'$"):
+    with pytest.raises(ConfigurationError, match=r"^position must be a number, got '0.1 um'$"):
         Placed(position="0.1 um")
     with pytest.raises(ConfigurationError, match=r"number, got \[\[1.0, 2.0\], \[3.0\]\]$"):
         Placed(position=[[1.0, 2.0], [3.0]])
@@ -104,9 +104,9 @@ def test_every_kind_of_number_passes(value):
 
 @pytest.mark.parametrize("value", ["no", 1, 0, None, [True]])
 def test_a_flag_is_true_or_false(value):
-    with pytest.raises(ConfigurationError, match="^clockwise must be True or False, got "):
+    with pytest.raises(ConfigurationError, match=r"^clockwise must be True or False, got "):
         Placed(position=0.0, clockwise=value)
-    assert Placed(position=0.0, clockwise=np.True_).clockwise
+    assert Placed(position=0.0, clockwise=np.True_).clockwise is True
 
 
 def test_flags_of_contours(monkeypatch):

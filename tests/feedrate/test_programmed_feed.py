@@ -264,3 +264,24 @@ def test_many_stops_and_rounding_of_long_times():
     each = optimum(np.sqrt(2) * 1e-4, 0.05, 5.0 * np.sqrt(2), 100.0 * np.sqrt(2))
     assert_allclose(np.diff(plan.stop_times), each, rtol=1e-6)
     assert_allclose(plan.reference.position[-1], zigzag[-1], atol=1e-12)
+
+
+def test_no_limits_are_refused():
+    with pytest.raises(FeedError, match="limits is missing: the machine has no axis limits"):
+        plan_feed(Circle(radius=0.01), limits=None, sample_time=1e-3, feed=0.1)
+
+
+def test_remarks_name_axes_and_lines(tmp_path):
+    from contourlab.contours.gcode import read_gcode
+
+    program = "G21 G90 F12000\nM3 S5\nN10 M8\nM8\nG1 X100\nG3 X110 Y10 I0 J10\nG1 Y50\nM2\n"
+    (tmp_path / "p.ngc").write_text(program)
+    limits = AxisLimits(velocity=np.ones(2), acceleration=np.full(2, 2.0), jerk=np.full(2, 50.0))
+    read = read_gcode(tmp_path / "p.ngc", axes=("X", "Y"))
+    warnings = plan_feed(read, limits=limits, sample_time=1e-3).reference.warnings
+    assert warnings[0] == (
+        "words that do not move the tool were ignored: M3 (line 2), S (line 2), "
+        "M8 (line 3, 2 times)"
+    )
+    assert any("of the path, at 100 mm, line 6, to " in w for w in warnings)
+    assert any("(axis Y, at 100 mm, line 6), within its limit" in w for w in warnings)

@@ -13,15 +13,21 @@ README = (ROOT / "README.md").read_text()
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 
 
-def blocks(language):
-    return re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
+TEXTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+SNIPPETS = [
+    (path.name, code)
+    for path in TEXTS
+    for code in re.findall(r"```python\n(.*?)```", path.read_text(), re.DOTALL)
+]
 
 
-def test_readme_python_runs(tmp_path):
-    snippets = blocks("python")
-    assert snippets
-    for code in snippets:
-        subprocess.run([sys.executable, "-c", code], check=True, cwd=tmp_path, timeout=600)
+def test_there_are_snippets():
+    assert {"README.md", "own_law.md"} <= {name for name, _ in SNIPPETS}
+
+
+@pytest.mark.parametrize(("name", "code"), SNIPPETS, ids=[name for name, _ in SNIPPETS])
+def test_snippets_run(name, code, tmp_path):
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=tmp_path, timeout=600)
 
 
 def test_readme_names_files_that_exist():

@@ -75,7 +75,11 @@ class Machine(Configuration):
     """What stands here without a measurement or a source, in sentences; reports show it."""
 
     def __check_init__(self) -> None:
-        if not self.names or any(not isinstance(name, str) or not name for name in self.names):
+        for field in ("names", "assumed"):
+            value = getattr(self, field)
+            if not isinstance(value, tuple) or any(not isinstance(item, str) for item in value):
+                raise ConfigurationError(f"{field} must be a tuple of texts, got {value!r}")
+        if not self.names or not all(self.names):
             raise ConfigurationError(f"names must name one axis or more, got {self.names!r}")
         if len(set(self.names)) != len(self.names):
             raise ConfigurationError(f"names must differ from each other, got {self.names!r}")

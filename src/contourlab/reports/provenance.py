@@ -25,7 +25,7 @@ class Provenance:
     facts: tuple[tuple[str, str], ...]
     """Short ones, by name."""
     assumed: tuple[str, ...]
-    """Settings that a published machine's source leaves open, in sentences."""
+    """What stands in the machine without a measurement or a source, in sentences."""
     scenario: str
     machine: str
     controllers: tuple[tuple[str, str], ...]

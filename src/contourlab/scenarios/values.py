@@ -98,14 +98,14 @@ def field_value(name: str, value: Any, dimension: str | None) -> Any:
 
 
 def make(
-    cls: type, values: Mapping[str, Any], key: Key, *, given: Mapping[str, Any] | None = None,
+    kind: type, values: Mapping[str, Any], key: Key, *, given: Mapping[str, Any] | None = None,
     parts: Mapping[str, Any] | None = None,
 ) -> Any:  # fmt: skip
     """Return a configuration of a class from a table of a scenario.
 
     Parameters
     ----------
-    cls
+    kind
         A Configuration class.
     values
         The table's entries; ``tuning`` names a rule of the class (``by_<tuning>``) that computes
@@ -123,10 +123,10 @@ def make(
         An unknown key, a missing one, or a wrong value.
     """
     given, parts, values = dict(given or {}), dict(parts or {}), dict(values)
-    fields = {f.name: f for f in dataclasses.fields(cls) if f.init and f.name not in given}
-    rule, target = None, cls
+    fields = {f.name: f for f in dataclasses.fields(kind) if f.init and f.name not in given}
+    rule, target = None, kind
     if "tuning" in values and "tuning" not in fields:
-        rules = {n.removeprefix("by_"): getattr(cls, n) for n in dir(cls) if n.startswith("by_")}
+        rules = {n.removeprefix("by_"): getattr(kind, n) for n in dir(kind) if n.startswith("by_")}
         name = values.pop("tuning")
         if name not in rules:
             _fail((*key, "tuning"), f"unknown tuning {name!r}; {choices(name, rules)}")
@@ -136,7 +136,7 @@ def make(
     made = dict(given)
     for name, value in values.items():
         if name not in known:
-            extra = " (and tuning)" if any(n.startswith("by_") for n in dir(cls)) else ""
+            extra = " (and tuning)" if any(n.startswith("by_") for n in dir(kind)) else ""
             _fail((*key, name), f"unknown key; {choices(name, known)}{extra}")
         try:
             if name in parts:
@@ -166,7 +166,7 @@ def make(
         ]  # fmt: skip
         if not missing:
             raise
-        _fail(key, f"{cls.__name__} needs {', '.join(missing)}")
+        _fail(key, f"{kind.__name__} needs {', '.join(missing)}")
 
 
 def _missing(function: Any, made: Mapping[str, Any]) -> list[str]:
