@@ -50,9 +50,15 @@ class Judged:
         parameter
             Of the reference, (steps,).
         """
-        near = np.broadcast_to(parameter, valid.shape)[valid]
-        vector = np.full(rows["tool"].shape, np.nan)
-        vector[valid] = foot_point(self.contour, rows["tool"][valid], near=near).vector
+        tool = rows["tool"]
+        near = np.broadcast_to(parameter, valid.shape)
+        if valid.all():
+            points = tool.reshape(-1, tool.shape[-1])
+            vector = foot_point(self.contour, points, near=near.reshape(-1)).vector
+            vector = np.asarray(vector).reshape(tool.shape)
+        else:
+            vector = np.full(tool.shape, np.nan)
+            vector[valid] = foot_point(self.contour, tool[valid], near=near[valid]).vector
         sizes = {"contour_error": vector}
         if "contour_error_estimate" in rows:
             sizes["estimate_error"] = rows["contour_error_estimate"] - vector

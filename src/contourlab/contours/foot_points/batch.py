@@ -178,24 +178,31 @@ def local_feet(cells: Cells, points: Values, near: Values) -> tuple[FootPoint, V
 
 def _formula_feet(cells: FormulaCells, points: Values, near: Values) -> FootPoint:
     """Return local feet on a formula contour: the quick way for all, the long one for the rest."""
-    result = _empty(points)
-    rest = np.arange(len(points))
-    for steps in QUICK_STEPS:
-        certain = np.zeros(len(rest), bool)
-        found = _empty(points[rest])
-
-        def work(at: slice, size: int) -> None:
-            q, parameter = padded((points[rest[at]], near[rest[at]]), size)  # noqa: B023
-            quick, sure = _quick(cells, q, parameter, steps)  # noqa: B023
-            _store(found, at, quick)  # noqa: B023
-            certain[at] = np.asarray(sure)[: at.stop - at.start]  # noqa: B023
-
-        side_by_side(work, len(rest))
-        _put(result, rest, found)
-        rest = rest[~certain]
+    result, certain = _quickly(cells, points, near, QUICK_STEPS[0])
+    rest = np.flatnonzero(~certain)
+    for steps in QUICK_STEPS[1:]:
+        if len(rest):
+            found, certain = _quickly(cells, points[rest], near[rest], steps)
+            _put(result, rest, found)
+            rest = rest[~certain]
     if len(rest):
         _put(result, rest, _searched(cells, points[rest], near[rest])[0])
     return result
+
+
+def _quickly(
+    cells: FormulaCells, points: Values, near: Values, steps: int
+) -> tuple[FootPoint, Values]:
+    """Return feet by some Newton steps, and which of them are certain."""
+    result, certain = _empty(points), np.zeros(len(points), bool)
+
+    def work(at: slice, size: int) -> None:
+        quick, sure = _quick(cells, *padded((points[at], near[at]), size), steps)
+        _store(result, at, quick)
+        certain[at] = np.asarray(sure)[: at.stop - at.start]
+
+    side_by_side(work, len(points))
+    return result, certain
 
 
 def _put(result: FootPoint, rows: Values, values: FootPoint) -> None:
