@@ -54,8 +54,8 @@ class Judged:
         near = np.broadcast_to(parameter, valid.shape)
         if valid.all():
             points = tool.reshape(-1, tool.shape[-1])
-            vector = foot_point(self.contour, points, near=near.reshape(-1)).vector
-            vector = np.asarray(vector).reshape(tool.shape)
+            feet = foot_point(self.contour, points, near=near.reshape(-1))
+            vector: NDArray[Any] = np.asarray(feet.vector).reshape(tool.shape)
         else:
             vector = np.full(tool.shape, np.nan)
             vector[valid] = foot_point(self.contour, tool[valid], near=near[valid]).vector
