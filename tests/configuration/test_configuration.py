@@ -90,7 +90,9 @@ def test_none_only_where_it_is_the_default():
         Placed(position=[0.0, 1.0], normal="z")
 
 
-@pytest.mark.parametrize("value", [object(), jax.ShapeDtypeStruct((2,), np.float64)], ids=repr)
+@pytest.mark.parametrize(
+    "value", [object(), jax.ShapeDtypeStruct((2,), np.float64)], ids=["object", "shape"]
+)
 def test_placeholders_pass(value):
     assert Placed(position=value).position is value
 

@@ -1,5 +1,6 @@
 """Every public name imports, and every public docstring speaks of the parameters that exist."""
 
+import dataclasses
 import importlib
 import inspect
 import pkgutil
@@ -87,6 +88,30 @@ def test_docstring_parameters_are_the_real_ones(name):
 
 def test_public_names_are_found():
     assert len(PUBLIC) > 100
+
+
+def documented_configurations():
+    from contourlab.configuration import Configuration
+
+    for name in sorted(HOUSES):
+        module = importlib.import_module(name)
+        for public in getattr(module, "__all__", ()):
+            value = getattr(module, public)
+            if inspect.isclass(value) and issubclass(value, Configuration):
+                named = NumpyDocString(inspect.getdoc(value) or "")["Parameters"]
+                if named and "Parameters" in (value.__doc__ or ""):
+                    yield f"{name}.{public}", value, named
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "named"),
+    list(documented_configurations()),
+    ids=[name for name, _, _ in documented_configurations()],
+)
+def test_documented_fields_are_the_real_ones(name, value, named):
+    documented = {part.strip() for p in named for part in p.name.split(",")}
+    real = {f.name for f in dataclasses.fields(value) if f.init}
+    assert documented == real, name
 
 
 def test_the_check_sees_a_parameter_that_is_gone():

@@ -12,6 +12,7 @@ from contourlab.configuration import static
 from contourlab.contours import Circle
 from contourlab.errors import RefusedError, SimulationError, TravelError
 from contourlab.machines import Drive, LinearTool, StepDisturbance
+from contourlab.recordings import Reference
 from contourlab.simulation.loop import Rows, first_carry, geometry_rows, run_chunk, split
 
 from .loops import Proportional, Pulse, line_reference, velocity_stage
@@ -318,3 +319,21 @@ def test_a_disturbance_on_no_axis_is_refused():
     push = StepDisturbance(axis=2, amplitude=1.0)
     with pytest.raises(cl.errors.ContourlabError, match="acts on axis 2, the machine has 2 axes"):
         cl.simulate(velocity_stage(), Proportional(k=1.0), line_reference(), disturbances=[push])
+
+
+def test_the_global_contour_error_sees_the_other_branch():
+    # a hairpin of two lines 1 mm apart; the machine is pushed towards the other line
+    hairpin = cl.contours.Path.polyline([[0.0, 0.0], [0.05, 0.0], [0.05, 0.001], [0.0, 0.001]])
+    n = 200
+    zero = np.zeros(n)
+    reference = Reference.along(
+        hairpin, sample_time=1e-3, parameter=1e-3 + 0.02 * np.arange(n) * 1e-3,
+        parameter_rate=np.full(n, 0.02), parameter_acceleration=zero, parameter_jerk=zero,
+    )  # fmt: skip
+    push = StepDisturbance(axis=1, amplitude=0.02, start=0.0)
+    recording = cl.simulate(velocity_stage(), Proportional(k=25.0), reference, disturbances=push)
+    local = np.abs(np.asarray(recording["contour_error"]))
+    everywhere = np.abs(recording.global_contour_error(hairpin))
+    assert_allclose(local[-1], 0.0008, rtol=0.01)  # 0.02 / 25, nearly settled
+    assert_allclose(everywhere[-1], 0.001 - local[-1], rtol=1e-9)
+    assert (everywhere <= local + 1e-15).all()

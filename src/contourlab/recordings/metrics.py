@@ -32,7 +32,6 @@ class Metric:
     unit: str
     requires: frozenset[str]
     compute: Callable[[Values], MetricValue]
-    better: str = "lower"
 
 
 def _rms(x: NDArray[Any]) -> float:

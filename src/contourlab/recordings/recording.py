@@ -8,6 +8,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contourlab.errors import RecordingError, choices
 from contourlab.recordings.metrics import METRICS, MetricValue, evaluate_metric
@@ -15,6 +16,8 @@ from contourlab.recordings.metrics import METRICS, MetricValue, evaluate_metric
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
+
+    from contourlab.contours.base import Contour
 
 __all__ = ["Metrics", "Recording"]
 
@@ -105,6 +108,27 @@ class Recording:
                 f"the record runs from {time[0]:g} s to {time[-1]:g} s"
             )
         return Metrics(self, (start, end))
+
+    def global_contour_error(self, contour: Contour) -> NDArray[Any]:
+        """Return the contour error against the whole contour, shape (n_samples,) [m].
+
+        The recording's own ``contour_error`` is the local one: against the stretch around the
+        reference, which is what a controller is to blame for. Where a contour comes near itself the
+        global one can be smaller, never larger.
+
+        Parameters
+        ----------
+        contour
+            The path that the run followed.
+
+        Raises
+        ------
+        RecordingError
+            The recording holds no tool positions.
+        """
+        from contourlab.contours.foot_points import foot_point
+
+        return np.asarray(foot_point(contour, np.asarray(self["tool"])).distance)
 
     @property
     def warnings(self) -> tuple[str, ...]:

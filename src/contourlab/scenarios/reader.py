@@ -142,7 +142,8 @@ def read_scenario_text(
         raw["part"].pop("formula", None)
     try:
         sections = ScenarioSections.model_validate(raw)
-        return _build(sections, text, name, FilePath(folder))
+        said = f"# part replaced on the command line by {part}\n" if part is not None else ""
+        return _build(sections, said + text, name, FilePath(folder))
     except pydantic.ValidationError as error:
         _refuse(error, raw, text, name)
     except KeyedError as error:

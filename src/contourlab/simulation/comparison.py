@@ -11,7 +11,7 @@ from contourlab.controllers.base import Controller
 from contourlab.errors import SimulationError
 from contourlab.feedrate import Plan
 from contourlab.machines import Disturbance, Machine
-from contourlab.recordings.metrics import METRICS, MetricValue
+from contourlab.recordings.metrics import MetricValue
 from contourlab.recordings.recording import Recording
 from contourlab.recordings.reference import Reference
 from contourlab.simulation.checks import as_disturbances, as_reference, check_loop, snake_case
@@ -86,10 +86,6 @@ class Comparison:
             row["status"] = recording.status
             rows[who] = row
         return pd.DataFrame.from_dict(rows, orient="index")
-
-    def units(self) -> dict[str, str]:
-        """Return the unit of every metric."""
-        return {name: metric.unit for name, metric in METRICS.items()}
 
 
 def compare(
