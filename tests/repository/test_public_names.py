@@ -130,7 +130,7 @@ def test_the_check_sees_a_parameter_that_is_gone():
 def test_every_citation_resolves_and_every_entry_is_used():
     from pathlib import Path
 
-    root = Path(contourlab.__file__).parents[2]
+    root = Path(__file__).parents[2]
     bibliography = root / "docs" / "references.bib"
     entries = set(re.findall(r"@\w+\{\s*([^,\s]+)", bibliography.read_text()))
     used = set()
