@@ -14,7 +14,7 @@ from contourlab.configuration import Configuration
 from contourlab.errors import GeometryError
 from contourlab.typing import Array, AxisVector, Count, Derivatives, Scalar
 
-__all__ = ["Contour", "Frenet", "derivatives_by_jvp", "left_normal", "unit"]
+__all__ = ["ClosedFormContour", "Contour", "Frenet", "derivatives_by_jvp", "left_normal", "unit"]
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 _PANELS = 48
@@ -197,6 +197,36 @@ class Contour(Configuration):
     def length(self) -> Scalar:
         """Length of the whole contour [m]."""
         return self.arc_length(*self.domain)
+
+
+class ClosedFormContour(Contour):
+    """A formula curve that gives its derivatives in closed form, its point among them."""
+
+    @abc.abstractmethod
+    def derivatives(self, parameter: Scalar, order: int, piece: Count | None = None) -> Derivatives:
+        """Return the point and its derivatives over the parameter, in closed form.
+
+        Parameters
+        ----------
+        parameter
+            One scalar.
+        order
+            Highest derivative, >= 0; static.
+        piece
+            Not needed: a formula curve has one piece.
+        """
+
+    def position(self, parameter: Scalar, piece: Count | None = None) -> AxisVector:
+        """Return the point at one parameter, shape (n_axes,) [m].
+
+        Parameters
+        ----------
+        parameter
+            One scalar.
+        piece
+            Not needed: a formula curve has one piece.
+        """
+        return self.derivatives(parameter, 0, piece)[0]
 
 
 def derivatives_by_jvp(curve: Callable[[Scalar], Array], parameter: Scalar, order: int) -> Array:

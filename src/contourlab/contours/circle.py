@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from contourlab.configuration import real, static
-from contourlab.contours.base import Contour, left_normal, unit
+from contourlab.contours.base import ClosedFormContour, left_normal, unit
 from contourlab.errors import GeometryError
 from contourlab.typing import Array, AxisVector, Count, Derivatives, Scalar
 
@@ -80,7 +80,7 @@ def check_direction(name: str, vector: Array) -> None:
         raise GeometryError(f"{name} must not be the zero vector")
 
 
-class Circle(Contour):
+class Circle(ClosedFormContour):
     """A full circle; the parameter is the angle from its start [rad], 0 to 2π, and goes round.
 
     In the plane the angle is counted from the x axis. In space it is counted from the first of
@@ -142,18 +142,6 @@ class Circle(Contour):
         """
         return self.radius * (end - start)
 
-    def position(self, parameter: Scalar, piece: Count | None = None) -> AxisVector:
-        """Return the point at one angle, shape (n_axes,) [m].
-
-        Parameters
-        ----------
-        parameter
-            Angle from the start [rad].
-        piece
-            Not needed: a formula curve has one piece.
-        """
-        return self.derivatives(parameter, 0, piece)[0]
-
     def derivatives(self, parameter: Scalar, order: int, piece: Count | None = None) -> Derivatives:
         """Return the point and its derivatives over the angle, in closed form.
 
@@ -198,7 +186,7 @@ class Circle(Contour):
         return offset @ offset - 1.0
 
 
-class Arc(Contour):
+class Arc(ClosedFormContour):
     """A circular arc; the parameter is the angle swept from its start [rad], 0 to abs(angle).
 
     Beyond its ends the arc goes on round its circle.
@@ -283,18 +271,6 @@ class Arc(Contour):
             Parameters [rad].
         """
         return self.radius * (end - start)
-
-    def position(self, parameter: Scalar, piece: Count | None = None) -> AxisVector:
-        """Return the point at one angle, shape (n_axes,) [m].
-
-        Parameters
-        ----------
-        parameter
-            Angle from the start [rad].
-        piece
-            Not needed: a formula curve has one piece.
-        """
-        return self.derivatives(parameter, 0, piece)[0]
 
     def derivatives(self, parameter: Scalar, order: int, piece: Count | None = None) -> Derivatives:
         """Return the point and its derivatives over the angle, in closed form.

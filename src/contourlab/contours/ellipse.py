@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Float
 
 from contourlab.configuration import real
-from contourlab.contours.base import Contour
+from contourlab.contours.base import ClosedFormContour
 from contourlab.contours.circle import TURN, turning
 from contourlab.errors import GeometryError
 from contourlab.typing import Array, AxisVector, Count, Derivatives, Scalar
@@ -26,7 +26,7 @@ _DUPLICATIONS = 16
 """Each brings Carlson's arguments four times closer together; enough for ratios to 1e12."""
 
 
-class Ellipse(Contour):
+class Ellipse(ClosedFormContour):
     """An ellipse; the parameter is the eccentric angle θ [rad], 0 to 2π, and goes round.
 
     It runs counter-clockwise. Before it is turned and shifted, x = a cos θ, y = b sin θ.
@@ -83,18 +83,6 @@ class Ellipse(Contour):
         """
         a, b = self.semi_axes[0], self.semi_axes[1]
         return elliptic_arc_length(a, b, end) - elliptic_arc_length(a, b, start)
-
-    def position(self, parameter: Scalar, piece: Count | None = None) -> AxisVector:
-        """Return the point at one eccentric angle, shape (2,) [m].
-
-        Parameters
-        ----------
-        parameter
-            Eccentric angle [rad].
-        piece
-            Not needed: a formula curve has one piece.
-        """
-        return self.derivatives(parameter, 0, piece)[0]
 
     def derivatives(self, parameter: Scalar, order: int, piece: Count | None = None) -> Derivatives:
         """Return the point and its derivatives over the eccentric angle, in closed form.

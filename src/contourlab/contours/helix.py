@@ -6,15 +6,15 @@ import jax.numpy as jnp
 from jaxtyping import Float
 
 from contourlab.configuration import real
-from contourlab.contours.base import Contour, unit
+from contourlab.contours.base import ClosedFormContour, unit
 from contourlab.contours.circle import TURN, check_direction, plane_axes, turning
 from contourlab.errors import GeometryError
-from contourlab.typing import Array, AxisVector, Count, Derivatives, Scalar
+from contourlab.typing import Array, Count, Derivatives, Scalar
 
 __all__ = ["Helix"]
 
 
-class Helix(Contour):
+class Helix(ClosedFormContour):
     """A helix round an axis; the parameter is the angle turned [rad], 0 to 2π turns.
 
     It starts at ``center + radius e``, with e the first of
@@ -79,18 +79,6 @@ class Helix(Contour):
             Parameters [rad].
         """
         return jnp.hypot(self.radius, self.pitch / TURN) * (end - start)
-
-    def position(self, parameter: Scalar, piece: Count | None = None) -> AxisVector:
-        """Return the point at one angle, shape (3,) [m].
-
-        Parameters
-        ----------
-        parameter
-            Angle from the start [rad].
-        piece
-            Not needed: a formula curve has one piece.
-        """
-        return self.derivatives(parameter, 0, piece)[0]
 
     def derivatives(self, parameter: Scalar, order: int, piece: Count | None = None) -> Derivatives:
         """Return the point and its derivatives over the angle, in closed form.

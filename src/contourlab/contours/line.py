@@ -7,14 +7,14 @@ import numpy as np
 from jaxtyping import Float
 
 from contourlab.configuration import real
-from contourlab.contours.base import Contour
+from contourlab.contours.base import ClosedFormContour
 from contourlab.errors import GeometryError
-from contourlab.typing import Array, AxisVector, Count, Derivatives, Scalar
+from contourlab.typing import Array, Count, Derivatives, Scalar
 
 __all__ = ["Line"]
 
 
-class Line(Contour):
+class Line(ClosedFormContour):
     """A straight line; the parameter is arc length [m], 0 at the start.
 
     Beyond its ends the line goes on.
@@ -76,18 +76,6 @@ class Line(Contour):
             Parameters [m].
         """
         return end - start
-
-    def position(self, parameter: Scalar, piece: Count | None = None) -> AxisVector:
-        """Return the point at one arc length, shape (n_axes,) [m].
-
-        Parameters
-        ----------
-        parameter
-            Arc length from the start [m].
-        piece
-            Not needed: a formula curve has one piece.
-        """
-        return self.derivatives(parameter, 0, piece)[0]
 
     def derivatives(self, parameter: Scalar, order: int, piece: Count | None = None) -> Derivatives:
         """Return the point and its derivatives over arc length, in closed form.

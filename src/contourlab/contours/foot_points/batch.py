@@ -271,11 +271,14 @@ def _walked(cells: Cells, q: Values, begun: Start, lanes: Values) -> Foot:
         foot, walker = _stepped(cells, state, count)
         rounds += 1
         going = np.asarray(walker.left) > 0
-        _keep(best, owner[~going], jax.tree.map(lambda x: x[~going], foot))  # noqa: B023
+        _keep(best, owner[~going], _rows(foot, ~going))
         owner = owner[going]
-        kept = (*state[:3], foot, walker)
-        state = jax.tree.map(lambda x: x[going], kept)  # noqa: B023
+        state = _rows((*state[:3], foot, walker), going)
     return best
+
+
+def _rows(tree: Any, which: Values) -> Any:
+    return jax.tree.map(lambda x: x[which], tree)
 
 
 def _still(begun: Start, q: Values, lanes: Values) -> tuple[Values, Any]:
