@@ -12,6 +12,7 @@ from contourlab.feedrate.arc_length import ArcLength, arc_derivatives, contour_d
 from contourlab.feedrate.motion import plan_motion
 from contourlab.feedrate.plan import CORNER_ANGLE
 from contourlab.feedrate.program import program_of
+from contourlab.feedrate.refine import refine
 from contourlab.feedrate.segments import segments_of
 
 ROUNDING = 1e-7  # positions of 1 m and windows of 1e-4 s leave 1e-16 / 1e-8 of an acceleration
@@ -107,9 +108,18 @@ def random_limits(rng, n_axes):
 
 def check_motion(path, limits, feed, rng, dt=1e-3, corner=CORNER_ANGLE):
     limits = limits.for_axes(path.n_axes)
-    segments = segments_of(path, ArcLength(path))
+    table = ArcLength(path)
     program = program_of(path, feed=feed, rapid_feed=None)
-    motion = plan_motion(segments, program, limits, dt, corner)
+    first = plan_motion(segments_of(path, table), program, limits, dt, corner)
+    check_profile(first, path, limits, feed, rng)
+    motion = refine(first, path, table, limits, dt)
+    assert motion.profile.duration <= first.profile.duration * (1 + 1e-12)
+    if motion is not first:
+        check_profile(motion, path, limits, feed, rng)
+    return motion
+
+
+def check_profile(motion, path, limits, feed, rng):
     profile = motion.profile
     assert np.isfinite(profile.time).all()
     v, a, j = worst(profile, lambda s: helical_rows(path, s), limits, rng, path.breaks)
@@ -132,7 +142,6 @@ def check_motion(path, limits, feed, rng, dt=1e-3, corner=CORNER_ANGLE):
     assert_stops = profile.at(stop_time)
     assert np.array_equal(assert_stops[0], motion.stops[1:])
     assert np.array_equal(assert_stops[1], np.zeros(len(stop_time)))
-    return motion
 
 
 def run_random(seed):

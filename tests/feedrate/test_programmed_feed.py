@@ -77,7 +77,7 @@ def test_many_turns_keep_one_speed():
     path = Path.from_helical(
         [[0, 0]], [[1, 0]], [[0, 1]], [[0, 0]], [1 / radius], [turns * 2 * np.pi * radius]
     )
-    reference = programmed_feed(path, limits=LIMITS, sample_time=1e-3, feed=0.3)
+    reference = programmed_feed(path, limits=LIMITS, sample_time=1e-3, feed=0.3, fastest=False)
     speed = np.linalg.norm(reference.velocity, axis=1)
     # v² / R <= A and v³ / R² <= J, of which stated shares are taken
     bound = min(np.sqrt(0.95 * 5.0 * radius), (0.8 * 100.0 * radius**2) ** (1 / 3))
@@ -278,7 +278,8 @@ def test_remarks_name_axes_and_lines(tmp_path):
     (tmp_path / "p.ngc").write_text(program)
     limits = AxisLimits(velocity=np.ones(2), acceleration=np.full(2, 2.0), jerk=np.full(2, 50.0))
     read = read_gcode(tmp_path / "p.ngc", axes=("X", "Y"))
-    warnings = plan_feed(read, limits=limits, sample_time=1e-3).reference.warnings
+    plan = plan_feed(read, limits=limits, sample_time=1e-3, fastest=False)
+    warnings = plan.reference.warnings
     assert warnings[0] == (
         "words that do not move the tool were ignored: M3 (line 2), S (line 2), "
         "M8 (line 3, 2 times)"

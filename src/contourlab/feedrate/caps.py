@@ -79,7 +79,8 @@ def acceleration_caps(
     apart = _ratio(acceleration - segments.bend * v**2, segments.tangent)
     turning = np.where(np.isfinite(segments.turning), segments.turning, 0.0)
     left = np.maximum(acceleration**2 - (turning * segments.rate[:, None] * v**2) ** 2, 0.0)
-    root = np.sqrt((acceleration * segments.axial) ** 2 + (turning**2 - segments.axial**2) * left)
+    square = (acceleration * segments.axial) ** 2 + (turning**2 - segments.axial**2) * left
+    root = np.sqrt(np.maximum(square, 0.0))
     below = acceleration * segments.axial + root
     together = np.where(left > 0.0, _ratio(left, below), 0.0)
     together = np.where(np.isfinite(segments.turning), together, 0.0)

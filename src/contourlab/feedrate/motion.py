@@ -24,10 +24,11 @@ from contourlab.feedrate.cells import (
     whole,
 )
 from contourlab.feedrate.limits import AxisLimits
+from contourlab.feedrate.profile import Profile
 from contourlab.feedrate.program import Program
 from contourlab.feedrate.ramps import Ramps, plan_ramps
 from contourlab.feedrate.segments import Segments, joint_angles
-from contourlab.feedrate.smoothing import Profile, smooth
+from contourlab.feedrate.smoothing import smooth
 
 __all__ = ["Motion", "plan_motion"]
 
@@ -60,10 +61,16 @@ class Motion:
     """Cap of each segment, from its feed and the limits [m/s]."""
     stops: Values
     """Arc lengths of the stops, the start included [m]."""
+    joint_speed: Values
+    """Largest speed at each edge, inf unless a joint turns there [m/s]."""
+    begins: Values
+    """Instants at which the stretches between stops begin [s]."""
     arrives: Values
-    """Instants of arrival at all but the first [s]."""
+    """Instants at which they arrive [s]."""
     window: Values
     """T of each stretch [s]."""
+    left_as_planned: int = 0
+    """How many stretches were too many to plan for the least time."""
 
 
 def plan_motion(
@@ -98,10 +105,13 @@ def plan_motion(
     task = _Task(segments, limits, stop, joint_speed)
     ramps, window = _choose(task, speed)
     stops = segments.edges[stop]
-    profile, arrives = smooth(ramps, window, stops, dwell[stop][1:], program.dwell_before)
+    rest = dwell[stop][1:]
+    profile, arrives = smooth(ramps, window, stops, rest, program.dwell_before)
+    begins = np.concatenate([[program.dwell_before], arrives[:-1] + rest[:-1]])
     return Motion(
-        profile, segments, program, angle, stop, programmed, speed, stops, arrives, window
-    )
+        profile, segments, program, angle, stop, programmed, speed, stops, joint_speed, begins,
+        arrives, window,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

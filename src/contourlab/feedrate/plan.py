@@ -6,13 +6,17 @@ The path is split where the motion stops: at corners, at dwells and at both ends
    speed and tangential acceleration under which no axis exceeds a limit (``caps``);
 2. the caps are spread over what the smoothing will mix (``cells``);
 3. the fastest motion of constant accelerations is planned (``ramps``), several windows being tried;
-4. it is averaged over the window (``smoothing``), which limits its jerk.
+4. it is averaged over the window (``smoothing``), which limits its jerk;
+5. stretches on which that gives time away, because the path curves or the feed changes, are planned
+   anew for the least time under the same limits (``refine``).
 
-The result is checked at every sample; a plan that exceeded a limit would be made anew under lower
-limits, never returned. On a straight line it is the time-optimal motion of limited jerk. Where
-curvature limits the feed it is not: caps hold the worst direction of an arc, tangential and normal
-acceleration have fixed shares, and a window costs T at each end. Where the curvature jumps (a line
-into a tangent arc) the acceleration jumps, within its limit; that is said in the warnings.
+On a straight line the first plan is the time-optimal motion of limited jerk. On curves the second
+one is optimal to about one percent; where an axis limit holds the feed back, the speed then varies
+along an arc with its direction. Without step 5 an arc has one speed, that of its worst direction.
+
+The result is checked at every sample and between; a plan that exceeded a limit would be made anew
+under lower limits, never returned. Where the curvature jumps (a line into a tangent arc) the
+acceleration jumps, within its limit; the plan lists these joints.
 """
 
 from __future__ import annotations
@@ -31,10 +35,12 @@ from contourlab.errors import FeedError
 from contourlab.feedrate.arc_length import ArcLength, arc_derivatives, contour_derivatives
 from contourlab.feedrate.limits import AxisLimits, positive, sample_count
 from contourlab.feedrate.motion import plan_motion
+from contourlab.feedrate.profile import Profile
 from contourlab.feedrate.program import program_of
-from contourlab.feedrate.remarks import remarks
+from contourlab.feedrate.refine import refine
+from contourlab.feedrate.refined import RefinedProfile
+from contourlab.feedrate.remarks import CurvatureJump, axis_names, curvature_jumps, remarks
 from contourlab.feedrate.segments import segments_of
-from contourlab.feedrate.smoothing import Profile
 from contourlab.recordings.reference import Reference
 
 __all__ = ["Plan", "plan_feed", "programmed_feed"]
@@ -65,6 +71,14 @@ class Plan:
     """What the plan could not honour, in sentences; those of the part are not repeated."""
     profile: Profile = field(repr=False)
     """The motion between the samples too, in arc length from the start of the contour."""
+    limits: AxisLimits = field(repr=False)
+    """The limits it was planned under, one number per axis."""
+    feed: Values = field(repr=False)
+    """Programmed feed of each piece of the contour, inf for rapids left to the limits [m/s]."""
+    axes: tuple[str, ...]
+    """Names of the axes: those of the part, or numbers from 0."""
+    curvature_jumps: tuple[CurvatureJump, ...] = field(repr=False)
+    """Joints that are passed although the curvature jumps, along the path."""
 
 
 def programmed_feed(
@@ -75,17 +89,18 @@ def programmed_feed(
     feed: Any = None,
     rapid_feed: float | str | None = None,
     corner_angle: float = CORNER_ANGLE,
+    fastest: bool = True,
 ) -> Reference:
     """Return the reference of :func:`plan_feed`.
 
     Parameters
     ----------
-    contour, limits, sample_time, feed, rapid_feed, corner_angle
+    contour, limits, sample_time, feed, rapid_feed, corner_angle, fastest
         As there.
     """
     return plan_feed(
         contour, limits=limits, sample_time=sample_time, feed=feed, rapid_feed=rapid_feed,
-        corner_angle=corner_angle,
+        corner_angle=corner_angle, fastest=fastest,
     ).reference  # fmt: skip
 
 
@@ -97,6 +112,7 @@ def plan_feed(
     feed: Any = None,
     rapid_feed: float | str | None = None,
     corner_angle: float = CORNER_ANGLE,
+    fastest: bool = True,
 ) -> Plan:
     """Plan the programmed feed under limits of velocity, acceleration and jerk of every axis.
 
@@ -122,6 +138,9 @@ def plan_feed(
         Feed of rapids, as ``feed``; None leaves them to the velocity limits. Only for a part.
     corner_angle
         Joints that turn by more are stopped at, 0 to π [rad].
+    fastest
+        Whether stretches with curves or several feeds are planned for the least time; otherwise
+        they keep a first plan that is made at once, and on strongly curved paths slower.
 
     Raises
     ------
@@ -149,9 +168,12 @@ def plan_feed(
     lowered = axis_limits
     for attempt in range(_ATTEMPTS):
         motion = plan_motion(segments, program, lowered, dt, angle)
+        if fastest:
+            motion = refine(motion, geometry, table, lowered, dt)
         reference = _sampled(geometry, table, motion.profile, dt)
         worst = _worst(reference, axis_limits)
-        if not isinstance(geometry, Path) or len(geometry.control_points):
+        helical = isinstance(geometry, Path) and not len(geometry.control_points)
+        if isinstance(motion.profile, RefinedProfile) or not helical:
             worst = max(worst, _worst_between(geometry, table, motion.profile, axis_limits, dt))
         if worst <= 1.0 + _ROUNDING:
             break
@@ -175,6 +197,10 @@ def plan_feed(
         cycle_time=motion.profile.duration,
         warnings=said,
         profile=motion.profile,
+        limits=axis_limits,
+        feed=program.feed,
+        axes=axis_names(motion),
+        curvature_jumps=curvature_jumps(motion, table),
     )
 
 

@@ -2,18 +2,35 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from contourlab.feedrate.arc_length import ArcLength
 from contourlab.feedrate.limits import AxisLimits
 
 if TYPE_CHECKING:
     from contourlab.feedrate.motion import Motion
 
-__all__ = ["remarks"]
+__all__ = ["CurvatureJump", "axis_names", "curvature_jumps", "remarks"]
+
+Values = NDArray[Any]
 
 _NOTICED = 1e-9
+_REACHED = 0.999
+_PLACES = np.array([0.1, 0.5, 0.9])
+
+
+class CurvatureJump(NamedTuple):
+    """A joint at which the curvature jumps and the motion does not stop."""
+
+    parameter: float
+    """Where on the contour."""
+    line: int
+    """Line of the program that makes the piece after it; 0 without a program."""
+    acceleration: Values
+    """Jump of each axis' acceleration, shape (n_axes,) [m/s²]; within its limit."""
 
 
 def remarks(motion: Motion, limits: AxisLimits) -> tuple[str, ...]:
@@ -26,7 +43,9 @@ def remarks(motion: Motion, limits: AxisLimits) -> tuple[str, ...]:
     limits
         One number per axis.
     """
-    sentences = (_slower(motion), _turns(motion), _curvature_jumps(motion, limits))
+    sentences = (
+        _slower(motion), _turns(motion), _jumps(motion, limits), _left_as_planned(motion),
+    )  # fmt: skip
     return tuple(sentence for sentence in sentences if sentence)
 
 
@@ -40,23 +59,39 @@ def _place(motion: Motion, edge: int) -> str:
     return f"{text}, line {line}"
 
 
-def _axis(motion: Motion, axis: int) -> str:
+def axis_names(motion: Motion) -> tuple[str, ...]:
+    """Return the names of the axes: those of the part, or numbers.
+
+    Parameters
+    ----------
+    motion
+        The plan.
+    """
     part = motion.program.part
-    return f"axis {axis if part is None else part.axes[axis]}"
+    n_axes = motion.segments.tangent.shape[1]
+    return tuple(map(str, range(n_axes))) if part is None else part.axes
 
 
 def _slower(motion: Motion) -> str:
     length = np.diff(motion.segments.edges)
-    held = motion.speed < motion.programmed * (1.0 - _NOTICED)
-    held &= ~motion.program.rapid[motion.segments.piece]
-    if not held.any():
+    held = np.flatnonzero(
+        (motion.speed < motion.programmed * (1.0 - _NOTICED))
+        & ~motion.program.rapid[motion.segments.piece]
+    )
+    places = motion.segments.edges[held][:, None] + length[held][:, None] * _PLACES
+    speed = motion.profile.at(motion.profile.time_at(places.reshape(-1)))[1]
+    speed = speed.reshape(-1, len(_PLACES)).max(axis=1)
+    reached = speed / motion.programmed[held]
+    below = reached < _REACHED
+    if not below.any():
         return ""
+    held, speed, reached = held[below], speed[below], reached[below]
     share = float(length[held].sum() / length.sum())
-    least = int(np.argmin(np.where(held, motion.speed / motion.programmed, np.inf)))
+    least = int(np.argmin(reached))
     return (
         f"axis limits hold the feed below the programmed one on {1e3 * length[held].sum():.4g} mm "
-        f"({100 * share:.3g} %) of the path, at {_place(motion, least)}, to "
-        f"{6e4 * motion.speed[least]:.4g} of {6e4 * motion.programmed[least]:.4g} mm/min; "
+        f"({100 * share:.3g} %) of the path, at {_place(motion, int(held[least]))}, to "
+        f"{6e4 * speed[least]:.4g} of {6e4 * motion.programmed[held[least]]:.4g} mm/min; "
         "speeding up and slowing down for stops and slower places come on top"
     )
 
@@ -76,19 +111,55 @@ def _turns(motion: Motion) -> str:
     )
 
 
-def _curvature_jumps(motion: Motion, limits: AxisLimits) -> str:
+def curvature_jumps(motion: Motion, table: ArcLength) -> tuple[CurvatureJump, ...]:
+    """Return the joints that are passed although the curvature jumps.
+
+    Parameters
+    ----------
+    motion
+        The plan.
+    table
+        Arc length of the contour.
+    """
+    edges, steps = _curvature_steps(motion)
+    if not len(edges):
+        return ()
+    arc = motion.segments.edges[edges]
+    parameter = table.parameter_at(arc).tolist()
+    part = motion.program.part
+    lines = [0] * len(edges)
+    if part is not None:
+        lines = part.source_line[motion.segments.piece[edges]].tolist()
+    return tuple(map(CurvatureJump, parameter, lines, steps))
+
+
+def _curvature_steps(motion: Motion) -> tuple[Values, Values]:
+    """Return these edges and the jump of each axis' acceleration there [m/s²]."""
     segments = motion.segments
     jump = np.abs(segments.after[:, 1] - segments.before[:, 1])
     where = segments.joint & ~motion.stop & (jump.max(axis=1) > 1e-6 / segments.edges[-1])
-    if not where.any():
-        return ""
     speed = motion.profile.at(motion.profile.time_at(segments.edges[where]))[1]
-    steps = jump[where] * speed[:, None] ** 2
+    return np.flatnonzero(where), jump[where] * speed[:, None] ** 2
+
+
+def _jumps(motion: Motion, limits: AxisLimits) -> str:
+    edges, steps = _curvature_steps(motion)
+    if not len(edges):
+        return ""
     share = steps / np.asarray(limits.acceleration)
     row, axis = np.unravel_index(int(np.argmax(share)), share.shape)
-    place = f"{_axis(motion, int(axis))}, at {_place(motion, int(np.flatnonzero(where)[row]))}"
+    place = f"axis {axis_names(motion)[int(axis)]}, at {_place(motion, int(edges[row]))}"
     return (
-        f"the curvature jumps at {int(where.sum())} joints that are passed without a stop: an axis "
+        f"the curvature jumps at {len(edges)} joints that are passed without a stop: an axis "
         f"acceleration jumps by up to {steps[row, axis]:.3g} m/s^2 there ({place}), "
         "within its limit; the jerk is not limited there"
+    )
+
+
+def _left_as_planned(motion: Motion) -> str:
+    if not motion.left_as_planned:
+        return ""
+    return (
+        f"{motion.left_as_planned} stretches between stops keep their first, slower plan, because "
+        "the program is too long to plan all of it for the least time"
     )

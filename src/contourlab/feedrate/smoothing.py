@@ -12,15 +12,15 @@ planned.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from contourlab.feedrate.profile import CubicProfile
 from contourlab.feedrate.ramps import Ramps
 
-__all__ = ["Profile", "smooth"]
+__all__ = ["smooth"]
 
 Values = NDArray[Any]
 
@@ -28,76 +28,9 @@ _SAME = 1e-9
 """Instants closer than this, in windows, are taken as one."""
 
 
-@dataclass(frozen=True, eq=False)
-class Profile:
-    """Arc length over time; interval k, of constant jerk, starts at instant k."""
-
-    time: Values
-    """Instants, shape (n,) [s]."""
-    arc: Values
-    """Arc length at each [m]."""
-    speed: Values
-    """[m/s]."""
-    acceleration: Values
-    """To the right of the instant [m/s²]."""
-    jerk: Values
-    """To the right of the instant [m/s³]."""
-    duration: float
-    """Time of arrival, dwells after it included [s]."""
-
-    def at(self, time: Values) -> tuple[Values, Values, Values, Values]:
-        """Return arc length, speed, acceleration and jerk at some instants, right-sided.
-
-        Parameters
-        ----------
-        time
-            Shape (n,) [s]; before the start and after the end the motion rests.
-        """
-        time = np.asarray(time, float)
-        k = np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, len(self.time) - 1)
-        h = np.maximum(time - self.time[k], 0.0)
-        v, a, j = self.speed[k], self.acceleration[k], self.jerk[k]
-        arc = self.arc[k] + h * (v + h * (0.5 * a + h * j / 6.0))
-        following = np.minimum(k + 1, len(self.time) - 1)
-        return (
-            np.minimum(arc, self.arc[following]),
-            np.maximum(v + h * (a + 0.5 * h * j), 0.0),
-            a + h * j,
-            j,
-        )
-
-    def time_at(self, arc: Values) -> Values:
-        """Return the instant at which each arc length is reached, the last one where it is held.
-
-        Parameters
-        ----------
-        arc
-            Shape (n,) [m].
-        """
-        arc = np.asarray(arc, float)
-        k = np.clip(np.searchsorted(self.arc, arc, side="right") - 1, 0, len(self.time) - 1)
-        low = self.time[k]
-        high = np.append(self.time[1:], self.time[-1])[k]
-        guess = low
-        for _ in range(60):
-            here, speed, _, _ = self.at(guess)
-            beyond = here > arc
-            high = np.where(beyond, np.minimum(high, guess), high)
-            low = np.where(beyond, low, np.maximum(low, guess))
-            with np.errstate(divide="ignore", invalid="ignore"):
-                newton = guess - (here - arc) / speed
-            inside = (newton >= low) & (newton <= high)
-            following = np.where(inside, newton, 0.5 * (low + high))
-            settled = np.abs(following - guess) <= 1e-15 * self.duration
-            guess = following
-            if settled.all():
-                break
-        return guess
-
-
 def smooth(
     ramps: Ramps, window: Values, edges: Values, dwell: Values, dwell_before: float
-) -> tuple[Profile, Values]:
+) -> tuple[CubicProfile, Values]:
     """Return the smoothed motion over all stretches.
 
     Parameters
@@ -115,7 +48,7 @@ def smooth(
 
     Returns
     -------
-    Profile
+    CubicProfile
         The motion.
     Values
         Instants at which each stretch arrives [s].
@@ -187,7 +120,7 @@ def smooth(
         zero = np.zeros(1)
         time, arc = np.concatenate([zero, time]), np.concatenate([edges[:1], arc])
         speed, acceleration, jerk = (np.concatenate([zero, x]) for x in (speed, acceleration, jerk))
-    return Profile(time, arc, speed, acceleration, jerk, duration), arrives
+    return CubicProfile(time, arc, speed, acceleration, jerk, duration), arrives
 
 
 def _within(step: Values, group: Values, first: Values, total: Values) -> Values:
