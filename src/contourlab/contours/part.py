@@ -2,7 +2,8 @@
 
 Every reader of part files ends in :class:`Moves`, plain arrays in three dimensions;
 :func:`make_part` chooses the coordinates that form the contour and turns the moves into a
-:class:`Path`. Lines stay lines, arcs arcs and helices helices: nothing is cut into chords.
+:class:`Path`. Lines stay lines, arcs arcs, helices helices and splines splines: nothing is cut into
+chords. A spline may become several pieces of the path, each with the entries of its move.
 """
 
 from __future__ import annotations
@@ -10,18 +11,29 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from numpy.typing import NDArray
 
+from contourlab.contours.moves import Moves, helical_rows, path_of_moves, unfit_spline
 from contourlab.contours.path import Path
-from contourlab.errors import ConfigurationError, PartError
+from contourlab.errors import ConfigurationError, GeometryError, PartError
 
-__all__ = ["Ignored", "Moves", "Part", "axis_columns", "helical_rows", "make_part"]
+__all__ = [
+    "Ignored",
+    "Moves",
+    "Part",
+    "SourceFile",
+    "axis_columns",
+    "helical_rows",
+    "make_part",
+    "unfit_spline",
+]
 
 _AXES = "XYZ"
+_FLAT = 1e-12
+"""A spline that rises by no more than this lies in a plane [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,35 +46,13 @@ class Ignored:
     """How many times it stands in the program."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Moves:
-    """The pieces of a program in X, Y, Z, one row each; no row for a move of no length."""
+class SourceFile(NamedTuple):
+    """A file that a part comes from."""
 
-    start: Float[np.ndarray, "n 3"]
-    """First points [m]."""
-    end: Float[np.ndarray, "n 3"]
-    """Last points [m]; where the program says, to the last bit of its number in metres."""
-    center: Float[np.ndarray, "n 3"]
-    """Centres of arcs at the height of their start [m]; NaN for lines."""
-    normal: Float[np.ndarray, "n 3"]
-    """Unit normals of the plane of the arc; of the selected plane for lines."""
-    angle: Float[np.ndarray, " n"]
-    """Swept angle about the normal, whole turns included [rad]; clockwise negative, 0 for lines."""
-    source_line: Int[np.ndarray, " n"]
-    """Line of the program, counted from 1."""
-    feed: Float[np.ndarray, " n"]
-    """Programmed feed along the path [m/s]; NaN for rapids."""
-    rapid: Bool[np.ndarray, " n"]
-    """Whether the piece is a rapid (G0)."""
-    blend: Float[np.ndarray, " n"]
-    """Blend tolerance in force [m]: NaN is an exact stop, inf a blend without tolerance."""
-    dwell: Float[np.ndarray, " n"]
-    """Waiting after the piece [s]."""
-    dwell_before: float
-    """Waiting before the first piece [s]."""
-
-    def __len__(self) -> int:
-        return len(self.angle)
+    name: str
+    """As given, or as found."""
+    lines: Sequence[str]
+    """Its text."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -81,7 +71,10 @@ class Part:
     lines: tuple[str, ...] = field(repr=False)
     """Text of the file; line k of the program is ``lines[k - 1]``."""
     source_line: Int[np.ndarray, " n"] = field(repr=False)
-    """Line of the file that made the piece, counted from 1."""
+    """Line of the file that made the piece, counted from 1.
+
+    For a piece from a subprogram in another file it is the line of the call.
+    """
     feed: Float[np.ndarray, " n"] = field(repr=False)
     """Programmed feed [m/s]; NaN for rapids."""
     rapid: Bool[np.ndarray, " n"] = field(repr=False)
@@ -90,6 +83,14 @@ class Part:
     """Blend tolerance in force [m]: NaN is an exact stop, inf a blend without tolerance."""
     dwell: Float[np.ndarray, " n"] = field(repr=False)
     """Waiting after the piece [s]."""
+    merge: Float[np.ndarray, " n"] | None = field(default=None, repr=False)
+    """Tolerance within which lines may be merged (Q of G64) [m]; NaN, the default, for none."""
+    file: Int[np.ndarray, " n"] | None = field(default=None, repr=False)
+    """Which of ``files`` the piece comes from; 0 is the part file itself, and the default."""
+    file_line: Int[np.ndarray, " n"] | None = field(default=None, repr=False)
+    """Line in that file; ``source_line`` by default."""
+    files: tuple[SourceFile, ...] = field(default=(), repr=False)
+    """The part file and the files that it calls; the part file by default."""
     dwell_before: float = 0.0
     """Waiting before the first piece [s]."""
     ignored: Mapping[str, Ignored] = field(default_factory=lambda: MappingProxyType({}))
@@ -98,6 +99,17 @@ class Part:
     """What the reader wants seen: one sentence each."""
     largest_center_move: float = 0.0
     """The farthest that an arc's programmed centre was moved to reach its end point exactly [m]."""
+
+    def __post_init__(self) -> None:
+        for name, value in (
+            ("merge", np.full(len(self.source_line), np.nan)),
+            ("file", np.zeros(len(self.source_line), np.int32)),
+            ("file_line", self.source_line),
+        ):
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, value)
+        if not self.files:
+            object.__setattr__(self, "files", (SourceFile(self.source, self.lines),))
 
     @property
     def n_pieces(self) -> int:
@@ -120,7 +132,45 @@ class Part:
         if not -self.n_pieces <= piece < self.n_pieces:
             raise PartError(f"piece must be within 0 to {self.n_pieces - 1}, got {piece}")
         line = int(self.source_line[piece])
-        return f"{self.source}:{line}: {self.lines[line - 1].strip()}"
+        assert self.file is not None
+        assert self.file_line is not None
+        number = int(self.file[piece])
+        if number == 0:
+            return f"{self.source}:{line}: {self.lines[line - 1].strip()}"
+        file, own = self.files[number], int(self.file_line[piece])
+        text = file.lines[own - 1].strip()
+        return f"{file.name}:{own}: {text} (called at {self.source}:{line})"
+
+    def restricted(
+        self,
+        *,
+        lines: tuple[int, int] | None = None,
+        plane: str | None = None,
+        feed_only: bool = False,
+    ) -> Part:
+        """Return the part made of some consecutive pieces of this one.
+
+        Parameters
+        ----------
+        lines
+            First and last line of the program whose pieces are kept.
+        plane
+            ``"XY"``, ``"ZX"``, ...: pieces along which the other coordinate changes are left out,
+            and the coordinate with them, so that the contour is planar. Stretches of rapids alone
+            are left out too. What is left must be one stretch.
+        feed_only
+            Whether rapids at the beginning and at the end are left out.
+
+        Raises
+        ------
+        PartError
+            Nothing is left, or pieces that are not connected; says which lines are.
+        ConfigurationError
+            An option that is not allowed.
+        """
+        from contourlab.contours.restricted import restricted_part  # which makes parts
+
+        return restricted_part(self, lines=lines, plane=plane, feed_only=feed_only)
 
 
 def axis_columns(axes: Sequence[str]) -> tuple[int, ...]:
@@ -145,49 +195,6 @@ def axis_columns(axes: Sequence[str]) -> tuple[int, ...]:
     return tuple(_AXES.index(name) for name in names)
 
 
-def helical_rows(moves: Moves) -> tuple[NDArray[Any], ...]:
-    """Return the rows of :meth:`Path.from_helical` for the moves, in three dimensions.
-
-    With the radius vector ρ from the centre to the start, the plane's normal n, the angle φ and the
-    rise h along n, the length is L = √((|ρ|φ)² + h²) and
-
-        U = |ρ||φ|/L sign(φ) n×ρ/|ρ|,  V = -|ρ||φ|/L ρ/|ρ|,  W = h/L n,  rate = |φ|/L.
-
-    Parameters
-    ----------
-    moves
-        Lines and arcs.
-
-    Returns
-    -------
-    tuple of arrays
-        ``start``, ``tangent_vector``, ``normal_vector``, ``axial_vector`` (n, 3), ``angle_rate``
-        and ``length`` (n,), ``source_line`` (n,) int32.
-    """
-    chord = moves.end - moves.start
-    turning = moves.angle != 0.0
-    radius = np.where(turning[:, None], moves.start - moves.center, 0.0)
-    size = np.sqrt(np.sum(radius * radius, axis=1))
-    rise = np.where(turning, np.sum(chord * moves.normal, axis=1), 0.0)
-    swept = np.abs(moves.angle)
-    straight = np.sqrt(np.sum(chord * chord, axis=1))
-    length = np.where(turning, np.hypot(size * swept, rise), straight)
-    outward = radius / np.where(turning, size, 1.0)[:, None]
-    sideways = np.cross(moves.normal, outward) * np.sign(moves.angle)[:, None]
-    share = (size * swept / length)[:, None]
-    straight = np.where(turning, 1.0, straight)  # a full circle has no chord
-    tangent = np.where(turning[:, None], share * sideways, chord / straight[:, None])
-    return (
-        moves.start,
-        tangent,
-        np.where(turning[:, None], -share * outward, 0.0),
-        np.where(turning[:, None], (rise / length)[:, None] * moves.normal, 0.0),
-        swept / length,
-        length,
-        moves.source_line,
-    )
-
-
 def make_part(
     moves: Moves,
     *,
@@ -197,6 +204,7 @@ def make_part(
     ignored: Mapping[str, Ignored] | None = None,
     warnings: Sequence[str] = (),
     largest_center_move: float = 0.0,
+    files: Sequence[SourceFile] = (),
 ) -> Part:
     """Return the part made of moves.
 
@@ -208,40 +216,54 @@ def make_part(
         Coordinates of the contour, two or three of X, Y, Z.
     source, lines
         Name and text of the file.
-    ignored, warnings, largest_center_move
+    ignored, warnings, largest_center_move, files
         See :class:`Part`.
 
     Raises
     ------
     PartError
-        No moves, or motion outside ``axes``.
+        No moves, motion outside ``axes``, or a spline with a cusp.
     """
     columns = axis_columns(axes)
     if not len(moves):
         raise PartError(f"{source}: nothing moves, so there is no contour")
-    start, tangent, normal, axial, rate, length, source_line = helical_rows(moves)
-    others = [k for k in range(3) if k not in columns]
-    for k in others:
-        moving = (np.abs(np.stack([tangent[:, k], normal[:, k], axial[:, k]])) > 0).any(axis=0)
-        if moving.any():
-            line = int(source_line[int(np.argmax(moving))])
-            raise PartError(f"{source}:{line}: moves in {_AXES[k]}, which is not in axes {axes!r}")
-    pick = list(columns)
-    path = Path.from_helical(
-        start[:, pick], tangent[:, pick], normal[:, pick], axial[:, pick], rate, length, source_line
-    )
+    _check_axes(moves, columns, axes, source)
+    try:
+        path, owner = path_of_moves(moves, columns)
+    except GeometryError as error:
+        unfit = unfit_spline(moves)
+        line = int(moves.source_line[unfit[0]]) if unfit else 0
+        raise PartError(f"{source}:{line}: {unfit[1] if unfit else error}") from None
+    last = np.append(owner[1:] != owner[:-1], True)
     return Part(
         path=path,
         axes=tuple(axes),
         source=source,
         lines=tuple(lines),
-        source_line=source_line,
-        feed=moves.feed,
-        rapid=moves.rapid,
-        blend=moves.blend,
-        dwell=moves.dwell,
+        source_line=moves.source_line[owner],
+        feed=moves.feed[owner],
+        rapid=moves.rapid[owner],
+        blend=moves.blend[owner],
+        merge=moves.merge[owner],
+        file=moves.file[owner],
+        file_line=moves.file_line[owner],
+        files=tuple(files),
+        dwell=np.where(last, moves.dwell[owner], 0.0),
         dwell_before=moves.dwell_before,
         ignored=MappingProxyType(dict(ignored or {})),
         warnings=tuple(warnings),
         largest_center_move=largest_center_move,
     )
+
+
+def _check_axes(moves: Moves, columns: Sequence[int], axes: Sequence[str], source: str) -> None:
+    """Refuse motion in a coordinate that is not asked for."""
+    for k in set(range(3)) - set(columns):
+        across = np.hypot(*(moves.normal[:, j] for j in range(3) if j != k))
+        moving = (moves.start[:, k] != moves.end[:, k]) | ((moves.angle != 0.0) & (across > 0.0))
+        for piece in np.flatnonzero(moves.spline >= 0):
+            control = moves.control_points[moves.spline[piece]]
+            moving[piece] |= bool(np.ptp(control[:, k] / control[:, 3]) > _FLAT)
+        if moving.any():
+            line = int(moves.source_line[int(np.argmax(moving))])
+            raise PartError(f"{source}:{line}: moves in {_AXES[k]}, which is not in axes {axes!r}")

@@ -6,11 +6,12 @@ import math
 from decimal import Decimal
 
 import numpy as np
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from contourlab.contours.gcode import Interpreter, read_gcode_text
+from contourlab.contours.gcode import Interpreter, control, read_gcode_text
 from contourlab.errors import GcodeError
 
 UNTIMED = settings(deadline=None, max_examples=200, suppress_health_check=[HealthCheck.too_slow])
@@ -67,6 +68,35 @@ words = st.builds(
 @given(st.lists(st.lists(words, max_size=6).map(" ".join), max_size=12))
 def test_any_lines_of_words(lines: list[str]) -> None:
     survives("\n".join(["G1 F1", *lines]))
+
+
+PIECES = """\
+o1 o2 o<a> sub endsub call return if elseif else endif while endwhile do repeat endrepeat break
+continue [1] [0] [#1] [#1+1] [#1 LT 3] #1=[#1+1] #<a>=2 #<_b>=#1 #2=#<a> M98P1 M99 O1 G5 G5.1 G5.2
+G5.3 I1 J2 P1 Q2 L3 X1 Y[#1] Z#1 G10 L2 L20 P0 R30 G92 G52 G53 G92.1 G92.3 G54 G59.3 G93 G94 F9 G1
+G0 G2 M70 M71 M72 M73 @2 ^30 [ ] # < > SIN[#1] ATAN[1]/[2] EXISTS[#<a>] [1/0] (c) / [2**#1] N5 G64
+% M2"""
+pieces = st.sampled_from(PIECES.split())
+
+
+@UNTIMED
+@given(st.lists(st.lists(pieces, max_size=5).map(" ".join), max_size=14), st.booleans())
+def test_any_lines_of_control(lines: list[str], block_delete: bool) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(control, "MOST_REPEATED", 2000)
+        survives("\n".join(["G1 F1 X3", *lines]), block_delete=block_delete)
+
+
+@UNTIMED
+@given(st.lists(st.sampled_from(["[", "]", "-", "#", "1", "+", "**", "SIN[", "/", "<a>", "MOD"]),
+                max_size=40).map("".join))  # fmt: skip
+def test_any_expression(code: str) -> None:
+    survives(f"G0 X1\n#<a>=2\nG0 X{code}")
+
+
+def test_deep_nesting_is_no_traceback() -> None:
+    for code in ("[" * 3000, "#" * 3000, "-" * 3000, "SIN[" * 900):
+        survives(f"G0 X1\nX{code}1")
 
 
 # -- valid programs, read a second time with exact decimals ---------------------------------------

@@ -2,8 +2,8 @@
 
 The groups are LinuxCNC's. Two words of one group in a line contradict each other and are refused,
 as is any other letter given twice. Every G and M word stands in one of three tables: those that are
-read, those that do not move the tool, and those that this version refuses by name; a number in none
-of them is unknown.
+read, those that do not move the tool, and those that are refused by name; a number in none of them
+is unknown.
 """
 
 from __future__ import annotations
@@ -11,24 +11,25 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from contourlab.contours.gcode.lexer import Word
+from contourlab.contours.gcode.parameters import EQUAL
 from contourlab.errors import GcodeError
 
 __all__ = ["Block"]
 
 _READ_G: dict[int, str] = {
-    **dict.fromkeys((0, 10, 20, 30, 800), "motion"),
-    40: "dwell",
+    **dict.fromkeys((0, 10, 20, 30, 50, 51, 52, 800), "motion"),
+    **dict.fromkeys((40, 53, 100, 520, 530, 920), "non-modal"),
+    **dict.fromkeys((921, 922, 923), "offset in force"),
     **dict.fromkeys((170, 180, 190), "plane"),
     **dict.fromkeys((200, 210), "units"),
     400: "cutter compensation",
     490: "tool length",
-    540: "coordinate system",
+    **dict.fromkeys((540, 550, 560, 570, 580, 590, 591, 592, 593), "coordinate system"),
     **dict.fromkeys((610, 611, 640), "path control"),
     80: "lathe diameter",
     **dict.fromkeys((900, 910), "distance"),
     **dict.fromkeys((901, 911), "arc distance"),
-    **dict.fromkeys((921, 922), "non-modal"),
-    940: "feed mode",
+    **dict.fromkeys((930, 940), "feed mode"),
     **dict.fromkeys((960, 970), "spindle mode"),
     **dict.fromkeys((980, 990), "retract"),
 }
@@ -38,9 +39,8 @@ _STILL_G = frozenset((960, 970, 980, 990))
 """G words that are read but move nothing here: listed as ignored."""
 
 _REFUSED_G: dict[int, str] = {
-    **dict.fromkeys((50, 51, 52, 53, 60, 61, 62, 63), "splines (G5, G6)"),
+    **dict.fromkeys((60, 61, 62, 63), "splines of another controller (G6)"),
     70: "diameter mode (G7)",
-    100: "setting offsets (G10)",
     **dict.fromkeys((171, 181, 191), "the planes UV, WU, VW (G17.1 to G19.1)"),
     **dict.fromkeys((280, 281, 300, 301), "returning to stored positions (G28, G30)"),
     **dict.fromkeys((330, 331), "spindle-synchronised motion (G33)"),
@@ -48,28 +48,23 @@ _REFUSED_G: dict[int, str] = {
     **dict.fromkeys((410, 411, 420, 421), "cutter compensation (G41, G42)"),
     **dict.fromkeys((430, 431, 432), "tool length offsets (G43)"),
     **dict.fromkeys((500, 510), "scaling (G50, G51)"),
-    520: "local offsets (G52)",
-    530: "machine coordinates (G53)",
-    **dict.fromkeys((550, 560, 570, 580, 590, 591, 592, 593), "coordinate systems other than G54"),
     **dict.fromkeys((700, 710, 711, 712, 720, 721, 722), "lathe cycles (G70 to G72)"),
     **dict.fromkeys(
         (730, 740, 760, 810, 820, 830, 840, 850, 860, 870, 880, 890),
         "canned cycles (G73 to G89)",
     ),
-    **dict.fromkeys((920, 923), "coordinate offsets (G92)"),
-    930: "inverse time feed (G93)",
-    950: "feed per revolution (G95)",
+    950: "feed per revolution (G95), which depends on the spindle,",
 }
 
 _M_GROUP: dict[int, int] = {
     **dict.fromkeys((0, 1, 2, 30, 60), 4),
     **dict.fromkeys((62, 63, 64, 65, 66, 67, 68), 5),
     **dict.fromkeys((6, 61), 6),
-    **dict.fromkeys((3, 4, 5, 19), 7),
+    **dict.fromkeys((3, 4, 5, 19, 70, 71, 72, 73), 7),
     **dict.fromkeys((7, 8, 9), 8),
     **dict.fromkeys((48, 49, 50, 51, 52, 53), 9),
 }
-"""Modal group of the M words that are read; only M2 and M30 do anything here."""
+"""Modal group of the M words that are read; only M2, M30 and M70 to M73 do anything here."""
 
 _M_WORDS: dict[int, str] = {
     19: "RQP", 50: "P", 51: "P", 52: "P", 53: "P", 61: "Q", 62: "P", 63: "P", 64: "P", 65: "P",
@@ -78,8 +73,7 @@ _M_WORDS: dict[int, str] = {
 """Letters that belong to an M word."""
 
 _REFUSED_M: dict[int, str] = {
-    **dict.fromkeys((70, 71, 72, 73), "saving and restoring modal state (M70 to M73)"),
-    **dict.fromkeys((98, 99), "subprograms (M98, M99)"),
+    **dict.fromkeys((98, 99), "subprogram calls (M98, M99) that do not begin their line"),
     **dict.fromkeys(range(100, 200), "user-defined M words (M100 to M199)"),
 }
 
@@ -87,7 +81,8 @@ _REFUSED_LETTERS = dict.fromkeys("ABC", "rotary axes (A, B, C)") | dict.fromkeys
     "UVW", "secondary axes (U, V, W)"
 )
 
-_LETTERS = frozenset("DEFHIJKLPQRSTXYZ")
+_LETTERS = frozenset("DEFHIJKLPQRSTXYZ@^$")
+_NOT_NEGATIVE = frozenset("STDH")
 
 
 class Block:
@@ -104,7 +99,7 @@ class Block:
         Two words of one modal group, a letter twice, a word that is unknown or refused.
     """
 
-    __slots__ = ("g", "ignored", "m_letters", "stop", "texts", "values")
+    __slots__ = ("context", "g", "ignored", "m_letters", "stop", "texts", "values")
 
     def __init__(self, words: Sequence[Word]) -> None:
         self.g: dict[str, tuple[int, str]] = {}
@@ -119,6 +114,8 @@ class Block:
         """Letters that belong to M words of the line."""
         self.stop = False
         """Whether the program ends here (M2, M30)."""
+        self.context = 0
+        """70 to 73 for the M word that saves or restores the modal state, else 0."""
         groups: dict[int, str] = {}
         values, texts = self.values, self.texts
         for position, (letter, value, text) in enumerate(words):
@@ -127,6 +124,8 @@ class Block:
             elif letter in _LETTERS:
                 if letter in values:
                     raise GcodeError(f"the line has {texts[letter]} already", word=text)
+                if value < 0.0 and letter in _NOT_NEGATIVE:
+                    raise GcodeError("the number must be >= 0", word=text)
                 values[letter] = value
                 texts[letter] = text
             elif letter == "M":
@@ -138,11 +137,33 @@ class Block:
                     raise GcodeError("a line number must be >= 0", word=text)
                 self.ignored.append("N")
             elif letter in _REFUSED_LETTERS:
-                raise GcodeError(
-                    f"{_REFUSED_LETTERS[letter]} are not read by this version", word=text
-                )
+                raise GcodeError(f"{_REFUSED_LETTERS[letter]}: not read", word=text)
             else:
                 raise GcodeError("the letter is not known", word=text)
+
+    def filled(self, words: Sequence[Word]) -> Block:
+        """Return the same block with other values.
+
+        Parameters
+        ----------
+        words
+            The words of the line, of which G, M and N are as they were.
+
+        Raises
+        ------
+        GcodeError
+            A value that may not be negative.
+        """
+        block = Block.__new__(Block)
+        block.g, block.texts, block.ignored = self.g, self.texts, self.ignored
+        block.m_letters, block.stop, block.context = self.m_letters, self.stop, self.context
+        block.values = values = {}
+        for letter, value, text in words:
+            if letter in _LETTERS:
+                if value < 0.0 and letter in _NOT_NEGATIVE:
+                    raise GcodeError("the number must be >= 0", word=text)
+                values[letter] = value
+        return block
 
     def _add_g(self, value: float, text: str) -> None:
         tenths = round(10.0 * value) if abs(value) < 1000.0 else -1
@@ -150,7 +171,7 @@ class Block:
         if group is None:
             what = _REFUSED_G.get(tenths) if abs(10.0 * value - tenths) < 1e-6 else None
             raise GcodeError(
-                f"{what}: not read by this version" if what else "the G word is not known",
+                f"{what}: not read" if what else "the G word is not known",
                 word=text,
             )
         if group in self.g:
@@ -169,12 +190,14 @@ class Block:
                 self.m_letters += "D"
 
     def _add_m(self, value: float, text: str, groups: dict[int, str]) -> None:
-        number = int(value) if value == int(value) else -1
+        number = round(value) if abs(value) < 1000.0 else -1
+        if abs(number - value) > EQUAL:
+            number = -1
         group = _M_GROUP.get(number)
         if group is None:
             what = _REFUSED_M.get(number)
             raise GcodeError(
-                f"{what}: not read by this version" if what else "the M word is not known",
+                f"{what}: not read" if what else "the M word is not known",
                 word=text,
             )
         if group in groups:
@@ -185,5 +208,7 @@ class Block:
         self.m_letters += _M_WORDS.get(number, "")
         if number in (2, 30):
             self.stop = True
+        elif group == 7 and number >= 70:
+            self.context = number
         else:
             self.ignored.append(f"M{number}")

@@ -1,27 +1,28 @@
 """Reads a part program in G-code (RS-274 as LinuxCNC speaks it) into a part.
 
-Read: G0 G1 G2 G3 with I J K (G90.1, G91.1) or R, helices and turns P, G4, G17 to G19, G20 G21,
-G90 G91, G61 G61.1 G64, F, comments, line numbers, block delete, %, M2 M30. Accepted because they
-change nothing here: G8 G40 G49 G54 G80 G92.1 G92.2 G94. Words that do not move the tool (S, T, M3
+Read: G0 G1, G2 G3 with I J K (G90.1, G91.1) or R, helices and turns P, G4, G5 G5.1 G5.2 G5.3, polar
+coordinates @ ^, G10 L2 L20, G17 to G19, G20 G21, G52 to G59.3, G61 G61.1 G64, G90 to G94, F, M2
+M30, M70 to M73, M98 M99, o-words, parameters and expressions, comments, line numbers, block delete.
+Accepted because they change nothing here: G8 G40 G49 G80. Words that do not move the tool (S, T, M3
 to M9 and their like, N, G96 to G99) are listed in :attr:`Part.ignored`. Everything else that would
 move the tool, or change where it goes, is refused with file, line and word.
+
+The contour is in machine coordinates; work offsets are zero when the program begins. A subprogram
+in another file is looked for in the folder of the program.
 """
 
 from __future__ import annotations
 
 import os
-import stat
 from collections.abc import Sequence
 from pathlib import Path as FilePath
 
 from contourlab.contours.gcode.interpreter import Interpreter
-from contourlab.contours.part import Part, make_part
-from contourlab.errors import GcodeError
+from contourlab.contours.gcode.sources import LARGEST_FILE, read_text, split_lines
+from contourlab.contours.part import Part, make_part, unfit_spline
+from contourlab.errors import GcodeError, PartError
 
 __all__ = ["LARGEST_FILE", "MOST_LINES", "read_gcode", "read_gcode_text"]
-
-LARGEST_FILE = 256 * 2**20
-"""Bytes in a program file."""
 
 MOST_LINES = 10_000_000
 """Lines in a program."""
@@ -60,21 +61,10 @@ def read_gcode(
         An option that is not allowed.
     """
     name = os.fspath(path)
-    try:
-        file = FilePath(name)
-        if not stat.S_ISREG(file.stat().st_mode):
-            raise GcodeError("is not a regular file", file=name)
-        with file.open("rb") as stream:
-            data = stream.read(LARGEST_FILE + 1)
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise GcodeError(f"cannot be read: {reason}", file=name) from None
-    if len(data) > LARGEST_FILE:
-        raise GcodeError(f"is larger than {LARGEST_FILE // 2**20} MiB", file=name)
-    text = data.decode("utf-8-sig", errors="replace")
+    text, _ = read_text(FilePath(name))
     return read_gcode_text(
         text, name=name, axes=axes, default_units=default_units, block_delete=block_delete,
-        start=start,
+        start=start, folder=FilePath(name).parent,
     )  # fmt: skip
 
 
@@ -86,6 +76,7 @@ def read_gcode_text(
     default_units: str = "mm",
     block_delete: bool = False,
     start: Sequence[float | int] = (0.0, 0.0, 0.0),
+    folder: str | os.PathLike[str] | None = None,
 ) -> Part:
     """Return the part that the text of a program describes.
 
@@ -97,6 +88,8 @@ def read_gcode_text(
         What to call it in messages.
     axes, default_units, block_delete, start
         As in :func:`read_gcode`.
+    folder
+        Where files of subprograms may stand; without it the program cannot call another file.
 
     Raises
     ------
@@ -107,16 +100,23 @@ def read_gcode_text(
     """
     if text.count("\n") > MOST_LINES:
         raise GcodeError(f"has more than {MOST_LINES} lines", file=name)
-    lines = text.replace("\r\n", "\n").split("\n")
-    if lines and not lines[-1]:
-        lines.pop()
+    lines = split_lines(text)
     interpreter = Interpreter(
-        name=name, axes=axes, default_units=default_units, block_delete=block_delete, start=start
-    )
+        name=name, axes=axes, default_units=default_units, block_delete=block_delete, start=start,
+        folder=None if folder is None else FilePath(folder),
+    )  # fmt: skip
     read = interpreter.run(lines)
     if not len(read.moves):
         raise GcodeError("nothing moves, so there is no contour", file=name)
-    return make_part(
-        read.moves, axes=axes, source=name, lines=lines, ignored=read.ignored,
-        warnings=read.warnings, largest_center_move=read.largest_center_move,
-    )  # fmt: skip
+    try:
+        return make_part(
+            read.moves, axes=axes, source=name, lines=lines, ignored=read.ignored,
+            warnings=read.warnings, largest_center_move=read.largest_center_move,
+            files=read.files,
+        )  # fmt: skip
+    except PartError:
+        unfit = unfit_spline(read.moves)
+        if unfit is None:
+            raise
+        piece, reason = unfit
+        raise GcodeError(reason, file=name, line=int(read.moves.source_line[piece])) from None
