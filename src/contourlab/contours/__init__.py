@@ -1,6 +1,16 @@
 """Curves as geometry: derivatives, frames, arc length, the exact foot point, part readers."""
 
 from contourlab.contours.base import Contour, Frenet, left_normal, unit
+from contourlab.contours.blending import (
+    Blended,
+    BlendedPart,
+    Merged,
+    blend_corners,
+    blend_part,
+    joint_tolerance,
+    merge_lines,
+    merge_part,
+)
 from contourlab.contours.circle import Arc, Circle
 from contourlab.contours.ellipse import Ellipse
 from contourlab.contours.foot_points import FootPoint, foot_point, local_foot
@@ -12,6 +22,8 @@ from contourlab.contours.path import Path
 
 __all__ = [
     "Arc",
+    "Blended",
+    "BlendedPart",
     "Circle",
     "Contour",
     "Ellipse",
@@ -19,11 +31,17 @@ __all__ = [
     "Frenet",
     "Helix",
     "Line",
+    "Merged",
     "Part",
     "Path",
+    "blend_corners",
+    "blend_part",
     "foot_point",
+    "joint_tolerance",
     "left_normal",
     "local_foot",
+    "merge_lines",
+    "merge_part",
     "read_gcode",
     "read_gcode_text",
     "unit",
