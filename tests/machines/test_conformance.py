@@ -11,13 +11,19 @@ from contourlab.machines import (
     BoundMachine,
     Drive,
     Encoder,
+    GeometricErrors,
     Machine,
     NominalModel,
+    PositionError,
     RigidAxes,
+    Squareness,
+    StateSpaceAxes,
     TransferFunctionAxes,
     ball_screw_stage,
     encoder,
+    iron_core_stage,
     linear_motor_stage,
+    machining_centre,
     published,
 )
 from contourlab.machines.rigid import BoundRigidAxes, RigidState
@@ -38,6 +44,24 @@ def servo():
     )  # fmt: skip
 
 
+def identified():
+    """Two axes with cross-talk, discrete, that give velocities; scales and errors besides."""
+    return Machine(
+        names=("X", "Y"),
+        dynamics=StateSpaceAxes(
+            state_matrix=((0.9, 0.01), (0.02, 0.85)), input_matrix=((0.1, 0.0), (0.0, 0.15)),
+            output_matrix=((1.0, 0.0), (0.03, 1.0)), sample_time=1e-3, output="velocity",
+        ),
+        drive=Drive(command="velocity", command_limit=0.5),
+        sensor=Encoder(resolution=1e-6),
+        errors=GeometricErrors(
+            scale=PositionError(scale=1e-5, amplitude=1e-7, period=2e-5),
+            squareness=(Squareness(axes=("X", "Y"), angle=5e-5),),
+        ),
+        travel=((0.0, 0.3), (-0.1, 0.2)),
+    )  # fmt: skip
+
+
 MACHINES = {
     "linear motor": linear_motor_stage,
     "linear motor, late": lambda: linear_motor_stage(computing_delay=0.4e-3),
@@ -45,10 +69,20 @@ MACHINES = {
     "position servo": servo,
     "meng": published.meng_xy_stage,
     "meng, simulated": published.meng_simulated_axes,
+    "iron core": iron_core_stage,
+    "machining centre, late": lambda: machining_centre(computing_delay=0.4e-3),
+    "identified": identified,
 }
 
 
-@pytest.mark.parametrize("name", MACHINES)
+SLOW = {"iron core", "machining centre, late"}
+"""The derivatives of two masses with all that is rough take long to compile."""
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=pytest.mark.slow if name in SLOW else ()) for name in MACHINES],
+)
 def test_examples_conform(name):
     check_machine(MACHINES[name]())
 
@@ -130,7 +164,7 @@ def test_the_check_sees_a_delay_that_is_ignored(patched):
 
 
 def test_the_check_sees_noise_that_stands_still(patched):
-    from contourlab.machines import machine
+    from contourlab.machines import bound_machine as machine
 
     patched.setattr(machine, "_next", lambda words: (words, jax.random.key(0)))
     with pytest.raises(AssertionError, match="noise"):
@@ -160,6 +194,8 @@ def test_what_is_assumed_is_said_in_sentences():
         published.meng_simulated_axes(),
         ball_screw_stage(),
         linear_motor_stage(),
+        machining_centre(),
+        iron_core_stage(),
     )
     for machine in stages:
         assert machine.assumed

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, get_args
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
+from numpy.typing import NDArray
 
 from contourlab.configuration import Configuration, real, static
 from contourlab.errors import ConfigurationError
@@ -25,6 +26,7 @@ __all__ = [
     "CommandKind",
     "Dynamics",
     "IdentityTool",
+    "LinearModel",
     "LinearTool",
     "NominalModel",
     "PerAxis",
@@ -119,6 +121,26 @@ class NominalModel(Configuration):
 class Dynamics(Configuration):
     """How the axes answer to a command: a configuration without a sample time."""
 
+    @property
+    def uses_substeps(self) -> bool:
+        """Whether the number of substeps matters: not where the solution is exact."""
+        return False
+
+    def linear(self, n_axes: int) -> LinearModel:
+        """Return the linear part as matrices of known numbers; friction and the like left out.
+
+        Parameters
+        ----------
+        n_axes
+            Number of axes.
+
+        Raises
+        ------
+        ConfigurationError
+            These dynamics have no linear part to give.
+        """
+        raise ConfigurationError(f"{type(self).__name__} offers no linear model")
+
     @abc.abstractmethod
     def check_axes(self, n_axes: int) -> None:
         """Raise ConfigurationError unless the dynamics are those of this many axes.
@@ -154,6 +176,21 @@ class Dynamics(Configuration):
         drive
             Kind and limit of the command.
         """
+
+
+class LinearModel(NamedTuple):
+    """State space from commands to positions: x' = A x + B u, or x(k+1) if it has a sample time."""
+
+    state: NDArray[Any]
+    """A, shape (n, n)."""
+    input: NDArray[Any]
+    """B, shape (n, n_axes)."""
+    output: NDArray[Any]
+    """C to the true axis positions (load side), shape (n_axes, n)."""
+    motor_output: NDArray[Any]
+    """C to the positions of the motors, shape (n_axes, n)."""
+    sample_time: float | None = None
+    """[s]; None for continuous time."""
 
 
 class BoundDynamics(eqx.Module):
@@ -204,6 +241,26 @@ class BoundDynamics(eqx.Module):
         state
             State of the axes.
         """
+
+    def motor_position(self, state: Any) -> AxisVector:
+        """Return what an ideal encoder on the motor shows [m]: the same on axes that do not bend.
+
+        Parameters
+        ----------
+        state
+            State of the axes.
+        """
+        return self.position(state)
+
+    def motor_velocity(self, state: Any) -> AxisVector:
+        """Return the velocity of the motor in travel of the axis [m/s].
+
+        Parameters
+        ----------
+        state
+            State of the axes.
+        """
+        return self.velocity(state)
 
 
 class ToolMap(Configuration):

@@ -17,7 +17,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from contourlab.configuration import Configuration, real
+from contourlab.configuration import Configuration, real, replace
 from contourlab.errors import ConfigurationError
 from contourlab.machines.base import PerAxis, per_axis
 from contourlab.typing import AxisVector
@@ -54,18 +54,42 @@ class Friction(Configuration):
                     f"{name} {level}"
                 )
 
-    def check_axes(self, n_axes: int) -> None:
+    def check_axes(self, n_axes: int, name: str = "friction") -> None:
         """Check that every field has one value per axis or one for all.
 
         Parameters
         ----------
         n_axes
             Number of axes of the machine.
+        name
+            What the friction is called there, for messages.
         """
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
             if value is not None:
-                per_axis(f"friction.{field.name}", value, n_axes)
+                per_axis(f"{name}.{field.name}", value, n_axes)
+
+    @property
+    def mean_coulomb(self) -> PerAxis:
+        """Mean of the Coulomb levels forwards and backwards [effort]."""
+        if self.coulomb_backward is None:
+            return self.coulomb
+        return 0.5 * (self.coulomb + self.coulomb_backward)  # type: ignore[operator]
+
+    def scaled(self, factor: PerAxis) -> Friction:
+        """Return the same friction with every level multiplied, such as torques made forces.
+
+        Parameters
+        ----------
+        factor
+            One number for every axis or one per axis, > 0.
+        """
+        levels = {
+            name: getattr(self, name) * factor
+            for name in ("coulomb", "breakaway", "coulomb_backward")
+            if getattr(self, name) is not None
+        }
+        return replace(self, **levels)
 
     def bind(self, mass: AxisVector) -> BoundFriction:
         """Return the friction as a deceleration of the given masses.

@@ -24,7 +24,14 @@ from jaxtyping import Float
 
 from contourlab.configuration import check_real, is_concrete
 from contourlab.errors import ConfigurationError
-from contourlab.machines.base import BoundDynamics, Dynamics, NominalModel, PerAxis, per_axis
+from contourlab.machines.base import (
+    BoundDynamics,
+    Dynamics,
+    LinearModel,
+    NominalModel,
+    PerAxis,
+    per_axis,
+)
 from contourlab.machines.drive import Drive
 from contourlab.machines.exponential import LARGEST_NORM, exponential
 from contourlab.typing import Array, AxisVector, Scalar
@@ -171,6 +178,27 @@ class TransferFunctionAxes(Dynamics):
             command_limit=per_axis("command_limit", drive.command_limit, n_axes),
             command=drive.command,
         )  # fmt: skip
+
+    def linear(self, n_axes: int) -> LinearModel:
+        """Return the functions in controllable canonical form, one block per axis.
+
+        Parameters
+        ----------
+        n_axes
+            Number of axes.
+        """
+        from scipy.linalg import block_diag
+
+        blocks: list[tuple[Any, Any, Any]] = []
+        for axis in range(n_axes):
+            top, bottom = (np.asarray(x[axis]) for x in (self.numerators, self.denominators))
+            order = len(bottom) - 1
+            a, b, c = np.eye(order, k=1), np.zeros((order, 1)), np.zeros((1, order))
+            a[-1], b[-1] = -bottom[:0:-1] / bottom[0], 1.0
+            c[0, : len(top)] = top[::-1] / bottom[0]
+            blocks.append((a, b, c))
+        state, drive, output = (block_diag(*matrices) for matrices in zip(*blocks, strict=True))
+        return LinearModel(state, drive, output, output)
 
 
 class BoundTransferFunctionAxes(BoundDynamics):

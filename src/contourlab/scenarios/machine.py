@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 import inspect
+from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
 from contourlab.configuration import replace, replace_at, resolve
 from contourlab.errors import ConfigurationError, ContourlabError, choices
-from contourlab.feedrate import AxisLimits
-from contourlab.machines import Drive, Encoder, Friction, Machine, RigidAxes, TransferFunctionAxes
+from contourlab.machines import Drive, LinearTool, Machine
 from contourlab.scenarios import registry
-from contourlab.scenarios.schema import AxisSection, MachineSection
+from contourlab.scenarios.axes import (
+    dynamics_of,
+    errors_of,
+    limits_of,
+    nominal_of,
+    sensor_of,
+    travel_of,
+)
+from contourlab.scenarios.locate import Key
+from contourlab.scenarios.machine_schema import MachineSection
 from contourlab.scenarios.values import KeyedError, at, field_value, needs_unit
 
 __all__ = ["build_machine"]
@@ -25,7 +34,9 @@ _ARGUMENTS = {"encoder": "length"}
 _COUNTS = {"n_axes"}
 
 
-def build_machine(section: MachineSection, substeps: int | None) -> Machine:
+def build_machine(
+    section: MachineSection, substeps: int | None, folder: str | FilePath = "."
+) -> Machine:
     """Return the machine of a scenario.
 
     Parameters
@@ -34,22 +45,54 @@ def build_machine(section: MachineSection, substeps: int | None) -> Machine:
         ``[machine]``.
     substeps
         ``[simulation] substeps``, if given.
+    folder
+        Where a machine file that it names is looked for.
 
     Raises
     ------
     KeyedError
         Something in it is wrong; says at which key.
     """
-    machine = _named(section) if section.name is not None else _of_axes(section)
+    if section.name is not None:
+        machine = _named(section)
+    elif section.file is not None:
+        machine = _from_file(section, FilePath(folder))
+    else:
+        machine = _of_axes(section)
     for path, value in section.set.items():
         machine = _changed(machine, path, value)
+    if section.substeps is not None:
+        machine = _with_substeps(machine, section.substeps, ("machine", "substeps"))
     if substeps is not None:
-        if getattr(machine.dynamics, "friction", None) is None:
-            raise KeyedError(
-                ("simulation", "substeps"),
-                "substeps are for dry friction, which this machine does not have; remove it",
-            )
-        machine = replace(machine, substeps=substeps)
+        machine = _with_substeps(machine, substeps, ("simulation", "substeps"))
+    return machine
+
+
+def _with_substeps(machine: Machine, substeps: int, key: Key) -> Machine:
+    if not machine.dynamics.uses_substeps:
+        raise KeyedError(
+            key,
+            "substeps are for dry friction, backlash and cogging, which this machine does not "
+            "have; remove it",
+        )
+    return replace(machine, substeps=substeps)
+
+
+def _from_file(section: MachineSection, folder: FilePath) -> Machine:
+    from contourlab.scenarios.machine_file import read_machine_file
+
+    assert section.file is not None
+    with at("machine", "file"):
+        machine = read_machine_file(folder / section.file)
+    return _overridden(machine, section)
+
+
+def _overridden(machine: Machine, section: MachineSection) -> Machine:
+    if section.computing_delay is not None:
+        with at("machine", "computing_delay"):
+            machine = replace_at(machine, "drive.computing_delay", section.computing_delay)
+    if section.velocity is not None:
+        machine = replace_at(machine, "sensor.velocity", section.velocity)
     return machine
 
 
@@ -60,18 +103,13 @@ def _named(section: MachineSection) -> Machine:
     allowed = set(inspect.signature(function).parameters)
     for name, value in (section.model_extra or {}).items():
         if name not in allowed:
-            known = {*allowed, "name", "set", "computing_delay", "velocity"}
+            known = {*allowed, "name", "set", "computing_delay", "substeps", "velocity"}
             raise KeyedError(("machine", name), f"unknown key; {choices(name, known)}")
         with at("machine", name):
             arguments[name] = _argument(name, value)
     with at("machine", *arguments) if len(arguments) == 1 else at("machine"):
         machine: Machine = function(**arguments)
-    if section.computing_delay is not None:
-        with at("machine", "computing_delay"):
-            machine = replace_at(machine, "drive.computing_delay", section.computing_delay)
-    if section.velocity is not None:
-        machine = replace_at(machine, "sensor.velocity", section.velocity)
-    return machine
+    return _overridden(machine, section)
 
 
 def _argument(name: str, value: Any) -> Any:
@@ -106,40 +144,16 @@ def _changed(machine: Machine, path: str, value: Any) -> Machine:
 def _of_axes(section: MachineSection) -> Machine:
     axes = section.axis or []
     assert section.command is not None  # the schema asks for it
-    try:
-        friction = None
-        if any(axis.coulomb or axis.breakaway for axis in axes):
-            friction = Friction(
-                coulomb=[axis.coulomb for axis in axes],
-                breakaway=[
-                    axis.coulomb if axis.breakaway is None else axis.breakaway for axis in axes
-                ],
-                stribeck_velocity=[axis.stribeck_velocity for axis in axes],
-                smoothing_velocity=[axis.smoothing_velocity for axis in axes],
-            )
-        by_mass = [axis.mass is not None for axis in axes]
-        if any(by_mass) and not all(by_mass):
-            raise KeyedError(
-                ("machine", "axis", by_mass.index(False)),
-                "axes by mass and axes by transfer function cannot be mixed",
-            )
-        dynamics: Any
-        if all(by_mass):
-            dynamics = RigidAxes(
-                mass=[axis.mass or 0.0 for axis in axes],
-                viscous=[axis.viscous for axis in axes],
-                gain=[axis.gain for axis in axes],
-                friction=friction,
-            )
-        else:
-            dynamics = TransferFunctionAxes(
-                numerators=tuple(axis.numerator or () for axis in axes),
-                denominators=tuple(axis.denominator or () for axis in axes),
-            )
-        noise = [axis.noise for axis in axes]
+    optional: dict[str, Any] = {}
+    if section.tool_matrix is not None:
+        with at("machine", "tool_matrix"):
+            if len({len(row) for row in section.tool_matrix}) != 1:
+                raise ConfigurationError("tool_matrix must be rows of one length")
+            optional["tool"] = LinearTool(matrix=np.asarray(section.tool_matrix, float))
+    with at("machine", "axis"):
         return Machine(
             names=tuple(axis.name for axis in axes),
-            dynamics=dynamics,
+            dynamics=dynamics_of(section),
             drive=Drive(
                 command=section.command,
                 command_limit=[
@@ -147,23 +161,11 @@ def _of_axes(section: MachineSection) -> Machine:
                 ],
                 computing_delay=section.computing_delay or 0.0,
             ),
-            sensor=Encoder(
-                resolution=[axis.resolution for axis in axes],
-                noise=noise if any(noise) else None,
-                velocity=section.velocity or "difference",
-            ),
-            travel=[axis.travel or [-np.inf, np.inf] for axis in axes],
-            limits=_limits(axes),
-        )
-    except KeyedError:
-        raise
-    except ContourlabError as error:
-        raise KeyedError(("machine", "axis"), str(error)) from error
-
-
-def _limits(axes: list[AxisSection]) -> AxisLimits:
-    return AxisLimits(
-        velocity=np.array([axis.velocity_limit for axis in axes]),
-        acceleration=np.array([axis.acceleration_limit for axis in axes]),
-        jerk=np.array([axis.jerk_limit for axis in axes]),
-    )
+            sensor=sensor_of(section),
+            errors=errors_of(section),
+            travel=travel_of(axes),
+            limits=limits_of(axes),
+            nominal_model=nominal_of(section),
+            assumed=tuple(section.assumed), title=section.title, source=section.source,
+            **optional,
+        )  # fmt: skip

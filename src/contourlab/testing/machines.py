@@ -74,16 +74,17 @@ def _commands(machine: Machine, bound: BoundMachine) -> Record:
     return wave
 
 
-def _run(bound: BoundMachine, position: Any, commands: Any, key: Any = KEY) -> tuple[Any, Any]:
-    """Return true and measured positions after each step."""
+def _run(bound: BoundMachine, position: Any, commands: Any, key: Any = KEY) -> tuple[Any, ...]:
+    """Return true positions, measured ones and those of ideal encoders after each step."""
     return _steps(bound, jnp.asarray(position), jnp.asarray(commands), jnp.asarray(key))  # type: ignore[no-any-return]
 
 
 @jax.jit
-def _steps(bound: BoundMachine, position: Array, commands: Array, key: Array) -> tuple[Any, Any]:
+def _steps(bound: BoundMachine, position: Array, commands: Array, key: Array) -> tuple[Any, ...]:
     def step(state: Any, command: Any) -> tuple[Any, Any]:
         state = bound.advance(state, command, jnp.zeros(bound.n_axes))
-        return state, (bound.true_position(state), bound.measure(state).position)
+        seen = bound.true_position(state), bound.measure(state).position
+        return state, (*seen, bound.shown_position(state))
 
     return jax.lax.scan(step, bound.init(position, key), commands)[1]  # type: ignore[no-any-return]
 
@@ -117,6 +118,7 @@ def _check_shapes(machine: Machine, bound: BoundMachine) -> None:
         for name, value in (
             ("measured position", seen.position),
             ("measured velocity", seen.velocity),
+            ("shown_position", bound.shown_position(state)),
             ("true_position", bound.true_position(state)),
             ("true_velocity", bound.true_velocity(state)),
         ):
@@ -129,8 +131,13 @@ def _check_shapes(machine: Machine, bound: BoundMachine) -> None:
             f"tool_position must have shape ({n_coordinates},), got {tool.shape}"
         )
     np.testing.assert_allclose(  # a realisation is solved for this position: rounding
-        bound.true_position(before), position, rtol=0, atol=1e-12, err_msg="init is elsewhere"
+        bound.shown_position(before), position, rtol=0, atol=1e-12, err_msg="init is elsewhere"
     )
+    if machine.errors is None:
+        np.testing.assert_allclose(
+            bound.true_position(before), position, rtol=0, atol=1e-12,
+            err_msg="without geometric errors the true position at rest is the one shown",
+        )  # fmt: skip
 
 
 def _check_pure(machine: Machine, bound: BoundMachine) -> None:
@@ -148,8 +155,9 @@ def _check_pure(machine: Machine, bound: BoundMachine) -> None:
 def _check_rest(machine: Machine, bound: BoundMachine) -> None:
     position = _middle(machine)
     commands = np.broadcast_to(_rest_command(machine, bound), (N_STEPS, machine.n_axes))
+    start = np.asarray(bound.true_position(bound.init(position, KEY)))
     there = np.asarray(_run(bound, position, commands)[0])
-    drift = np.max(np.abs(there - position))
+    drift = np.max(np.abs(there - start))
     assert drift < 1e-12, f"at rest, without a command, the axes drift by {drift:g} m"
 
 
@@ -165,7 +173,7 @@ def _check_batch(machine: Machine, sample_time: float) -> None:
         return _run(changed.bind(sample_time), position, commands)[0]
 
     both = np.asarray(jax.jit(jax.vmap(one))(pair))
-    scale = np.max(np.abs(alone - position)) + 1e-9
+    scale = np.max(np.abs(alone - alone[0])) + 1e-9
     for lane in both:  # another order of sums: rounding of the position itself
         np.testing.assert_allclose(
             lane, alone, rtol=0, atol=1e-9 * scale + 1e-14, err_msg="vmap over the dynamics"
@@ -217,9 +225,10 @@ def _check_delay(machine: Machine, sample_time: float) -> None:
     late = replace_at(machine, "drive.computing_delay", longer)
     commands = _commands(machine, machine.bind(sample_time))
     now = np.asarray(_run(machine.bind(sample_time), position, commands)[0])
+    start = np.asarray(late.bind(sample_time).true_position(late.init(position, KEY, sample_time)))
     then = np.asarray(_run(late.bind(sample_time), position, commands)[0])
-    scale = np.max(np.abs(now - position)) + 1e-9
-    waiting = np.max(np.abs(then[:2] - position))
+    scale = np.max(np.abs(now - start)) + 1e-9
+    waiting = np.max(np.abs(then[:2] - start))
     assert waiting <= 1e-9 * scale, "a delay of two samples: the axes move before it is over"
     np.testing.assert_allclose(
         then[2:], now[:-2], rtol=0, atol=1e-9 * scale + 1e-13,
@@ -246,8 +255,8 @@ def _check_encoder(machine: Machine, sample_time: float) -> None:
     # a position is a whole number times the resolution, rounded: 1e-16 of up to 1e8 counts
     assert np.max(np.abs(counts - np.round(counts))) < 1e-6, "positions are off the encoder's grid"
     if machine.sensor.noise is None:
-        true = np.asarray(_run(bound, _middle(machine), _commands(machine, bound))[0])
-        assert np.all(np.abs(seen - true) <= 0.5 * resolution + 1e-12), (
+        ideal = np.asarray(_run(bound, _middle(machine), _commands(machine, bound))[2])
+        assert np.all(np.abs(seen - ideal) <= 0.5 * resolution + 1e-12), (
             "the encoder must show the nearest count"
         )
 
