@@ -157,14 +157,22 @@ def run_random(seed):
 
 @pytest.mark.parametrize("block", range(6))
 def test_random_paths(block):
-    for seed in range(50 * block, 50 * block + 50):
+    for seed in range(20 * block, 20 * block + 20):
         run_random(seed)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("block", range(40))
+@pytest.mark.parametrize("block", range(20))
 def test_many_random_paths(block):
-    for seed in range(1000 + 100 * block, 1100 + 100 * block):
+    for seed in range(1000 + 40 * block, 1040 + 40 * block):
+        run_random(seed)
+
+
+@pytest.mark.slow
+@pytest.mark.overnight
+@pytest.mark.parametrize("block", range(100))
+def test_ten_thousand_random_paths(block):
+    for seed in range(10_000 + 100 * block, 10_100 + 100 * block):
         run_random(seed)
 
 

@@ -9,6 +9,7 @@ A :class:`~contourlab.contours.path.Path` has arc length as its parameter and ne
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import jax
@@ -17,6 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contourlab.contours.base import Contour
+from contourlab.contours.bezier import bezier_derivatives
+from contourlab.contours.helical import helical_derivatives
 from contourlab.contours.path import Path
 from contourlab.errors import FeedError
 from contourlab.typing import Array
@@ -30,7 +33,7 @@ TOLERANCE = 1e-12
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 _FIRST_PANELS = 32
 _MOST_PANELS = 1 << 16
-_CHUNK = 1 << 15
+_CHUNKS = (512, 4096, 32768)
 
 
 @jax.jit
@@ -39,8 +42,15 @@ def _fourth(contour: Contour, parameter: Array) -> Array:
 
 
 @jax.jit
-def _fourth_in_piece(contour: Contour, parameter: Array, piece: Array) -> Array:
-    return jax.vmap(lambda p, k: contour.derivatives(p, 4, k))(parameter, piece)
+def _helical(*rows: Array) -> Array:
+    return jax.vmap(lambda s, rate, r, u, v, w: helical_derivatives(s, rate, r, u, v, w, 4))(*rows)
+
+
+@jax.jit
+def _bezier(*rows: Array) -> Array:
+    return jax.vmap(lambda r, inverse, length, s: bezier_derivatives(r, inverse, length, s, 4))(
+        *rows
+    )
 
 
 @jax.jit
@@ -48,16 +58,19 @@ def _first(contour: Contour, parameter: Array) -> Array:
     return jax.vmap(lambda p: contour.derivatives(p, 1)[1])(parameter)
 
 
-def _in_chunks(function: Any, contour: Contour, *columns: Values) -> Values:
+def _in_chunks(function: Any, *columns: Values) -> Values:
     """Evaluate in blocks of few different sizes, so that little is compiled."""
     n = len(columns[0])
-    size = min(_CHUNK, 1 << max(8, (n - 1).bit_length()))
+    size = next((size for size in _CHUNKS if n <= size), _CHUNKS[-1])
     parts = []
     for start in range(0, n, size):
         rows = [column[start : start + size] for column in columns]
         count = len(rows[0])
-        padded = [np.pad(row, (0, size - count), mode="edge") for row in rows]
-        parts.append(np.asarray(function(contour, *map(jnp.asarray, padded)))[:count])
+        padded = [
+            np.pad(row, ((0, size - count), *((0, 0),) * (row.ndim - 1)), mode="edge")
+            for row in rows
+        ]
+        parts.append(np.asarray(function(*map(jnp.asarray, padded)))[:count])
     return np.concatenate(parts)
 
 
@@ -73,11 +86,36 @@ def contour_derivatives(contour: Contour, parameter: Values, piece: Values | Non
     piece
         Piece of a path for each, so that its end is taken from its own side.
     """
+    parameter = np.asarray(parameter, float)
+    if isinstance(contour, Path):
+        return _along_path(contour, parameter, piece)
+    return _in_chunks(partial(_fourth, contour), parameter)
+
+
+def _along_path(path: Path, parameter: Values, piece: Values | None) -> Values:
+    """Evaluate rows that are gathered first: then no compiled function knows how many there are."""
+    breaks = np.asarray(path.breaks, float)
     if piece is None:
-        return _in_chunks(_fourth, contour, np.asarray(parameter, float))
-    return _in_chunks(
-        _fourth_in_piece, contour, np.asarray(parameter, float), np.asarray(piece, np.int32)
-    )
+        if path.closed:
+            parameter = breaks[0] + np.mod(parameter - breaks[0], breaks[-1] - breaks[0])
+        piece = np.searchsorted(breaks[1:-1], parameter, side="right")
+    k = np.asarray(piece, np.int64)
+    s = parameter - breaks[k]
+    out = np.empty((len(k), 5, path.n_axes))
+    row = np.asarray(path.bezier_row)[k]
+    at = np.flatnonzero(row < 0)
+    if len(at):
+        columns = (path.angle_rate, path.origin, path.tangent_vector, path.normal_vector,
+                   path.axial_vector)  # fmt: skip
+        out[at] = _in_chunks(_helical, s[at], *(np.asarray(x, float)[k[at]] for x in columns))
+    at = np.flatnonzero(row >= 0)
+    if len(at):
+        own = row[at]
+        out[at] = _in_chunks(
+            _bezier, np.asarray(path.control_points, float)[own],
+            np.asarray(path.inverse_length, float)[own], (breaks[k + 1] - breaks[k])[at], s[at],
+        )  # fmt: skip
+    return out
 
 
 def parameter_derivatives(d: Values) -> Values:
@@ -157,7 +195,7 @@ class ArcLength:
             raise FeedError(f"the contour's length must be > 0 m and finite, got {self.length:g}")
 
     def _speed(self, parameter: Values) -> Values:
-        flat = _in_chunks(_first, self.contour, parameter.reshape(-1))
+        flat = _in_chunks(partial(_first, self.contour), parameter.reshape(-1))
         speed: Values = np.linalg.norm(flat, axis=1).reshape(parameter.shape)
         return speed
 

@@ -12,9 +12,9 @@ so that the limits V, A, J ask of c, at every place
 
 c is a spline of degree 2; the limits are asked for at collocation points. The time ∫ du/√c is
 convex in c and so is every limit but the last, whose right side is convex where it should be
-concave. A barrier -μ Σ log(slack) keeps the iterates inside. In its Hessian the curvature of J/√c,
-the only negative term, is left out: then each Newton step goes down, and a search along it keeps
-all limits. It ends in a local minimum, which for J = ∞ is the global one.
+concave. The method is primal-dual and starts, and stays, inside the limits; in its Hessian the
+curvature of J/√c, the only negative term, is left out. It ends in a local minimum, which for J = ∞
+is the global one; the fastest iterate is returned.
 
 A spline couples three coefficients, so the Hessian has five diagonals and a step costs O(n). All
 stretches are solved at once; each has its own step length.
@@ -35,10 +35,12 @@ __all__ = ["Collocation", "fastest_pace"]
 
 Values = NDArray[Any]
 
-_FIRST_BARRIER = 0.03
-_BARRIER_FACTOR = 0.2
-_NEWTON_STEPS = 5
-_HALVINGS = 24
+_FIRST = 0.05
+"""First product of slack and multiplier, per constraint, in units of the time."""
+_CENTRING, _LEAST_CENTRING = 0.5, 0.05
+_MOST_STEPS = 60
+_BOUNDARY = 0.98
+_RIDGE = 1e-14
 _INSIDE = 0.9
 """The start takes this share of the limits that bind."""
 
@@ -51,12 +53,10 @@ class Collocation:
     """Number of each point's stretch, shape (m,)."""
     interval: Values
     """First spline coefficient of the interval that holds the point."""
-    place: Values
-    """Where in the interval, 0 to 1."""
+    basis: Values
+    """What its three coefficients give of c, c' and c'' at the point, shape (3, 3, m)."""
     piece: Values
     """Piece of the path that holds the point."""
-    h: Values
-    """Length of the interval [s]."""
     time_weight: Values
     """Share of the point in the time of its stretch; they sum to 1."""
     barrier_weight: Values
@@ -91,7 +91,7 @@ class Collocation:
         coefficient
             Of c.
         """
-        c, d, e = spline_values(self.interval, self.place, self.h, coefficient)[:, :, None]
+        c, d, e = spline_values(self.basis, self.interval, coefficient)[:, :, None]
         acceleration = self.second * c + 0.5 * self.first * d
         jerk = np.sqrt(c) * (self.third * c + 1.5 * self.second * d + 0.5 * self.first * e)
         return np.concatenate(
@@ -116,36 +116,37 @@ class Collocation:
         return divisor
 
 
-def fastest_pace(points: Collocation, last_barrier: float) -> Values:
+def fastest_pace(points: Collocation, gap: float) -> Values:
     """Return the coefficients of the c of least time, strictly within the limits at the points.
 
     Parameters
     ----------
     points
         Of all stretches.
-    last_barrier
-        Smallest μ, as a share of the time: the result is within some ten times that of the best.
+    gap
+        How much longer than the least the time may be, as a share of it.
     """
     steady = np.ones(len(points.coefficient_stretch))
     worst = np.zeros(points.n_stretches)
     np.maximum.at(worst, points.stretch, points.mended_by(points.shares(steady)))
-    x = (_INSIDE / worst)[points.coefficient_stretch]
-    barrier = _Barrier(points)
-    mu = _FIRST_BARRIER
-    while mu > last_barrier:
-        for _ in range(_NEWTON_STEPS):
-            x, settled = barrier.step(x, mu)
-            if settled:
-                break
-        mu *= _BARRIER_FACTOR
-    return x
+    iteration = _PrimalDual(points, (_INSIDE / worst)[points.coefficient_stretch])
+    for _ in range(_MOST_STEPS):
+        if (iteration.gap() < gap * iteration.time()).all():
+            break
+        iteration.step()
+    return iteration.best
 
 
-class _Barrier:
-    """The time of each stretch plus its barrier, in units of the time at the pace 1."""
+class _PrimalDual:
+    """Iterates strictly inside the limits, with a multiplier z for each slack s.
 
-    def __init__(self, points: Collocation) -> None:
-        self.points = points
+    A step solves (H + Σ z/s g gᵀ) dx = -(∇T - Σ μ/s g), g being the gradient of a slack, and moves
+    z by μ/s - z - z/s g·dx. All stretches step at once, each by its own length and with its own μ.
+    """
+
+    def __init__(self, points: Collocation, x: Values) -> None:
+        self.points, self.x, self.best = points, x, x.copy()
+        self.least = np.full(points.n_stretches, np.inf)
         self.by_acceleration = (
             points.second / points.acceleration,
             0.5 * points.first / points.acceleration,
@@ -155,122 +156,131 @@ class _Barrier:
             1.5 * points.second / points.jerk,
             0.5 * points.first / points.jerk,
         )
-        s, h = points.place, points.h
-        zero = np.zeros_like(s)
-        # rows c, c', c'' over the three coefficients of an interval
-        self.basis = np.stack(
-            [
-                [0.5 * (1.0 - s) ** 2, 0.5 + s - s * s, 0.5 * s * s],
-                [(s - 1.0) / h, (1.0 - 2.0 * s) / h, s / h],
-                [1.0 / h**2 + zero, -2.0 / h**2 + zero, 1.0 / h**2 + zero],
-            ]
-        )
+        self.values = self._values(x)
+        self.slack = self._slack(self.values)
+        self.columns = self.slack.shape[1]
+        weight = points.barrier_weight[:, None]
+        self.multiplier = _FIRST * weight / self.slack
+        self.centring = np.full(points.n_stretches, _CENTRING)
 
-    def _slacks(
-        self, c: Values, d: Values, e: Values, rows: Any = slice(None)
-    ) -> tuple[Values, Values, Values]:
-        """Return 1 - c/most, and 1 -+ acceleration/A, 1/√c -+ jerk/(J √c), signs side by side."""
-        a0, a1 = (value[rows] for value in self.by_acceleration)
-        j0, j1, j2 = (value[rows] for value in self.by_jerk)
-        a = a0 * c[:, None] + a1 * d[:, None]
-        j = j0 * c[:, None] + j1 * d[:, None] + j2 * e[:, None]
+    def time(self) -> Values:
+        """Return the time of each stretch, in units of its own time."""
+        each = self.points.time_weight / np.sqrt(self.values[0])
+        return np.bincount(self.points.stretch, each, self.points.n_stretches)
+
+    def gap(self) -> Values:
+        """Return how much longer than the least the time of each stretch is at most, likewise."""
+        each = (self.multiplier * self.slack).sum(axis=1)
+        return np.bincount(self.points.stretch, each, self.points.n_stretches)
+
+    def _values(self, x: Values) -> Values:
+        return spline_values(self.points.basis, self.points.interval, x)
+
+    def _slack(self, values: Values) -> Values:
+        """Return 1 - c/most, 1 -+ acceleration/A and 1/√c -+ jerk/(J √c), column by column."""
+        c, d, e = values
+        a0, a1 = self.by_acceleration
+        j0, j1, j2 = self.by_jerk
         top = (1.0 / np.sqrt(c))[:, None]
-        return (
-            1.0 - c / self.points.most[rows],
-            np.concatenate([1.0 - a, 1.0 + a], axis=1),
-            np.concatenate([top - j, top + j], axis=1),
-        )
+        c = c[:, None]
+        a = a0 * c + a1 * d[:, None]
+        j = j0 * c + j1 * d[:, None] + j2 * e[:, None]
+        most = self.points.most[:, None]
+        return np.concatenate([1.0 - c / most, 1.0 - a, 1.0 + a, top - j, top + j], axis=1)
 
-    def _values(self, x: Values, rows: Any = slice(None)) -> Values:
-        points = self.points
-        return spline_values(points.interval[rows], points.place[rows], points.h[rows], x)
-
-    def merit(self, x: Values, mu: float, asked: Values | None = None) -> Values:
-        """Return the merit of each stretch, inf outside; of those asked for, 0 for the others."""
-        points = self.points
-        rows: Any = slice(None) if asked is None else np.flatnonzero(asked[points.stretch])
-        c, d, e = self._values(x, rows)
-        inside = c > 0.0
-        c = np.where(inside, c, 1.0)
-        velocity, acceleration, jerk = self._slacks(c, d, e, rows)
-        inside &= (velocity > 0.0) & (acceleration > 0.0).all(axis=1) & (jerk > 0.0).all(axis=1)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            logs = np.log(velocity) + np.log(acceleration).sum(axis=1) + np.log(jerk).sum(axis=1)
-        time, barrier = points.time_weight[rows], points.barrier_weight[rows]
-        each = np.where(inside, time / np.sqrt(c) - mu * barrier * logs, np.inf)
-        return np.bincount(points.stretch[rows], each, points.n_stretches)
-
-    def step(self, x: Values, mu: float) -> tuple[Values, bool]:
-        """Return the next iterate and whether no stretch moved much."""
-        points = self.points
-        gradient, bands = self._newton(x, mu)
-        ridge = 1e-13 * bands[2].max()
-        bands[2] += ridge
+    def step(self) -> None:
+        """Take one step on every stretch."""
+        points, s, z = self.points, self.slack, self.multiplier
+        mu = (self.centring * self.gap() / self.columns)[points.stretch][:, None]
+        target = mu * points.barrier_weight[:, None]
+        gradient, bands = self._newton(target / s, z / s)
+        bands[2] += _RIDGE * bands[2].max()
         move = -solveh_banded(bands, gradient, check_finite=False)
-        falls = np.bincount(points.coefficient_stretch, -gradient * move, points.n_stretches)
         if not np.isfinite(move).all():
-            return x, True
-        here = self.merit(x, mu)
-        length = np.ones(points.n_stretches)
-        worse = np.ones(points.n_stretches, bool)
-        for _ in range(_HALVINGS):
-            trial = x + length[points.coefficient_stretch] * move
-            falls_short = here - 1e-4 * length * falls
-            worse &= ~(self.merit(trial, mu, worse) <= falls_short)
-            if not worse.any():
-                break
-            length[worse] *= 0.5
-        length[worse] = 0.0
-        return x + length[points.coefficient_stretch] * move, bool((falls < 0.05 * mu).all())
+            self.centring[:] = 1.0
+            return
+        along = self._along(move)
+        change = target / s - z - z / s * along
+        dual = self._reach(z, change)
+        # 1/√c is convex, so its slack falls short of nothing that its tangent promises
+        c, dc = self.values[0][:, None], self._values(move)[0][:, None]
+        primal = np.minimum(self._reach(s, along), self._reach(c, dc))
+        self.x = self.x + primal[points.coefficient_stretch] * move
+        self.multiplier = z + dual[points.stretch][:, None] * change
+        self.values = self._values(self.x)
+        self.slack = self._slack(self.values)
+        good = np.minimum(primal, dual)
+        self.centring = np.clip((1.0 - good) ** 2, _LEAST_CENTRING, 0.8)
+        time = self.time()
+        better = time < self.least
+        self.least = np.where(better, time, self.least)
+        self.best = np.where(better[points.coefficient_stretch], self.x, self.best)
 
-    def _newton(self, x: Values, mu: float) -> tuple[Values, Values]:
+    def _along(self, move: Values) -> Values:
+        """Return the first-order change of each slack."""
+        dc, dd, de = self._values(move)[:, :, None]
+        a0, a1 = self.by_acceleration
+        j0, j1, j2 = self.by_jerk
+        a = a0 * dc + a1 * dd
+        j = j0 * dc + j1 * dd + j2 * de
+        top = -0.5 * (self.values[0] ** -1.5)[:, None] * dc
+        return np.concatenate([-dc / self.points.most[:, None], -a, a, top - j, top + j], axis=1)
+
+    def _reach(self, value: Values, change: Values) -> Values:
+        """Return the longest step of each stretch, at most 1, that keeps its values positive."""
         points = self.points
-        c, d, e = self._values(x)
-        velocity, acceleration, jerk = self._slacks(c, d, e)
-        n_axes = points.first.shape[1]
-        w = mu * points.barrier_weight
-        # gradient of each slack over (c, c', c''), divided by the slack; signs side by side
-        a0, a1 = (_both(-value) / acceleration for value in self.by_acceleration)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            most = np.where(change < 0.0, -value / change, np.inf).min(axis=1)
+        least = np.full(points.n_stretches, np.inf)
+        np.minimum.at(least, points.stretch, most)
+        return np.minimum(1.0, _BOUNDARY * least)
+
+    def _newton(self, pull: Values, ratio: Values) -> tuple[Values, Values]:
+        """Return gradient and Hessian, the multipliers being replaced by μ/s and z/s."""
+        points, n_axes = self.points, self.points.first.shape[1]
+        c = self.values[0]
+        cuts = [1, 1 + n_axes, 1 + 2 * n_axes, 1 + 3 * n_axes]
+        pv, pa, pb, pj, pk = np.split(pull, cuts, axis=1)
+        rv, ra, rb, rj, rk = np.split(ratio, cuts, axis=1)
+        a0, a1 = self.by_acceleration
         j0, j1, j2 = self.by_jerk
         root = -0.5 * c**-1.5
-        top = np.broadcast_to(root[:, None], (len(c), 2 * n_axes))
-        g0, g1, g2 = ((top + _both(-j0)) / jerk, _both(-j1) / jerk, _both(-j2) / jerk)
-        v0 = -1.0 / (points.most * velocity)
-        slope = np.stack(
-            [
-                points.time_weight * root - w * (v0 + a0.sum(axis=1) + g0.sum(axis=1)),
-                -w * (a1.sum(axis=1) + g1.sum(axis=1)),
-                -w * g2.sum(axis=1),
-            ]
-        )
+        v0 = -1.0 / points.most
 
-        def dot(p: Values, q: Values) -> Values:
-            product: Values = np.einsum("ij,ij->i", p, q)
+        def dot(*factors: Values) -> Values:
+            product: Values = np.einsum(",".join(["ij"] * len(factors)) + "->i", *factors)
             return product
 
+        a_pull, j_pull = pb - pa, pk - pj
+        slope = np.stack(
+            [
+                points.time_weight * root - v0 * pv[:, 0] - dot(a_pull, a0) - dot(j_pull, j0)
+                - root * (pj + pk).sum(axis=1),
+                -dot(a_pull, a1) - dot(j_pull, j1),
+                -dot(j_pull, j2),
+            ]
+        )  # fmt: skip
+        a_sum, j_sum, j_difference = ra + rb, rj + rk, rk - rj
         hessian = {
-            (0, 0): points.time_weight * 0.75 * c**-2.5 + w * (v0**2 + dot(a0, a0) + dot(g0, g0)),
-            (0, 1): w * (dot(a0, a1) + dot(g0, g1)),
-            (0, 2): w * dot(g0, g2),
-            (1, 1): w * (dot(a1, a1) + dot(g1, g1)),
-            (1, 2): w * dot(g1, g2),
-            (2, 2): w * dot(g2, g2),
-        }
+            (0, 0): points.time_weight * 0.75 * c**-2.5 + v0**2 * rv[:, 0] + dot(a_sum, a0, a0)
+            + dot(j_sum, j0, j0) + root**2 * j_sum.sum(axis=1)
+            + 2.0 * root * dot(j_difference, j0),
+            (0, 1): dot(a_sum, a0, a1) + dot(j_sum, j0, j1) + root * dot(j_difference, j1),
+            (0, 2): dot(j_sum, j0, j2) + root * dot(j_difference, j2),
+            (1, 1): dot(a_sum, a1, a1) + dot(j_sum, j1, j1),
+            (1, 2): dot(j_sum, j1, j2),
+            (2, 2): dot(j_sum, j2, j2),
+        }  # fmt: skip
         n = len(points.coefficient_stretch)
         gradient, bands = np.zeros(n), np.zeros((3, n))
         for k in range(3):
-            local = sum(slope[p] * self.basis[p, k] for p in range(3))
+            local = sum(slope[p] * points.basis[p, k] for p in range(3))
             gradient += np.bincount(points.interval + k, local, n)
             for m in range(k, 3):
                 local = sum(
-                    value * (self.basis[p, k] * self.basis[q, m])
-                    + (value * (self.basis[q, k] * self.basis[p, m]) if p != q else 0.0)
+                    value * (points.basis[p, k] * points.basis[q, m])
+                    + (value * (points.basis[q, k] * points.basis[p, m]) if p != q else 0.0)
                     for (p, q), value in hessian.items()
                 )
                 bands[2 - (m - k)] += np.bincount(points.interval + m, local, n)
         return gradient, bands
-
-
-def _both(value: Values) -> Values:
-    """Return a term of the slacks 1 - f and 1 + f side by side, given that of the first."""
-    return np.concatenate([value, -value], axis=1)

@@ -1,6 +1,7 @@
 """The programmed feed, as far as the axes can follow it.
 
-The path is split where the motion stops: at corners, at dwells and at both ends. On each stretch
+Corners under G64 are blended first (:mod:`contourlab.feedrate.blends`). The path is split where the
+motion stops: at other corners, at dwells and at both ends. On each stretch
 
 1. the geometry is bounded (:mod:`contourlab.feedrate.segments`) and gives, place by place, caps on
    speed and tangential acceleration under which no axis exceeds a limit (``caps``);
@@ -29,18 +30,26 @@ from numpy.typing import NDArray
 
 from contourlab.configuration import replace
 from contourlab.contours.base import Contour
+from contourlab.contours.blending import BlendedPart
 from contourlab.contours.part import Part
 from contourlab.contours.path import Path
 from contourlab.errors import FeedError
 from contourlab.feedrate.arc_length import ArcLength, arc_derivatives, contour_derivatives
+from contourlab.feedrate.blends import asks_for_blends, blended_for_feed
 from contourlab.feedrate.limits import AxisLimits, positive, sample_count
-from contourlab.feedrate.motion import plan_motion
+from contourlab.feedrate.motion import Motion, plan_motion
 from contourlab.feedrate.profile import Profile
-from contourlab.feedrate.program import program_of
+from contourlab.feedrate.program import Program, program_of
 from contourlab.feedrate.refine import refine
 from contourlab.feedrate.refined import RefinedProfile
-from contourlab.feedrate.remarks import CurvatureJump, axis_names, curvature_jumps, remarks
-from contourlab.feedrate.segments import segments_of
+from contourlab.feedrate.remarks import (
+    CurvatureJump,
+    axis_names,
+    blend_remarks,
+    curvature_jumps,
+    remarks,
+)
+from contourlab.feedrate.segments import Segments, segments_of
 from contourlab.recordings.reference import Reference
 
 __all__ = ["Plan", "plan_feed", "programmed_feed"]
@@ -79,6 +88,10 @@ class Plan:
     """Names of the axes: those of the part, or numbers from 0."""
     curvature_jumps: tuple[CurvatureJump, ...] = field(repr=False)
     """Joints that are passed although the curvature jumps, along the path."""
+    part: Part | None = field(default=None, repr=False)
+    """The part as it was planned, with its corners blended; None for a contour."""
+    blends: BlendedPart | None = field(default=None, repr=False)
+    """How corners were blended; None if the part asks for none."""
 
 
 def programmed_feed(
@@ -117,10 +130,15 @@ def plan_feed(
     """Plan the programmed feed under limits of velocity, acceleration and jerk of every axis.
 
     The motion starts and ends at rest, goes along the contour once, stops exactly at corners and
-    where the program dwells, and rests for as long as it says. Between stops no axis exceeds its
-    velocity or acceleration limit anywhere, nor its jerk limit wherever the curvature is
-    continuous. At joints that turn by less than a corner, the speed is held so low that no axis
-    velocity jumps by more than its acceleration limit changes it in one sample.
+    where the program dwells, and rests for as long as it says. Where a part asks for it (G64),
+    corners are blended within its tolerance, and the reference follows the blended path:
+    ``Plan.part`` has it, ``Plan.blends`` says how far it leaves the programmed one. A corner of
+    which no blend within the tolerance can be passed faster than a stop takes stays a stop.
+
+    Between stops no axis exceeds its velocity or acceleration limit anywhere, nor its jerk limit
+    wherever the curvature is continuous. At joints that turn by less than a corner, the speed is
+    held so low that no axis velocity jumps by more than its acceleration limit changes it in one
+    sample.
 
     Parameters
     ----------
@@ -155,21 +173,21 @@ def plan_feed(
     angle = float(corner_angle)
     if not 0.0 <= angle <= np.pi:
         raise FeedError(f"corner_angle must be within 0 to pi rad, got {angle:g}")
-    geometry = program.contour
-    axis_limits = limits.for_axes(geometry.n_axes)
-    table = ArcLength(geometry)
-    segments = segments_of(geometry, table)
-    if not (np.diff(segments.edges) > 0.0).all():
-        at = int(np.argmin(np.diff(segments.edges)))
-        raise FeedError(
-            f"piece {int(segments.piece[at])} at {segments.edges[at]:.6g} m "
-            "is shorter than rounding"
+    axis_limits = limits.for_axes(program.contour.n_axes)
+    blends, stopped = None, 0
+    if asks_for_blends(program.part):
+        blends, stopped = blended_for_feed(
+            program,
+            axis_limits,
+            angle,
+            lambda program: _Task.of(program).motion(axis_limits, dt, angle, fastest, True).profile,
         )
+        program = program_of(blends.part, feed=None, rapid_feed=rapid_feed)
+    task = _Task.of(program)
+    geometry, table = program.contour, task.table
     lowered = axis_limits
     for attempt in range(_ATTEMPTS):
-        motion = plan_motion(segments, program, lowered, dt, angle)
-        if fastest:
-            motion = refine(motion, geometry, table, lowered, dt)
+        motion = task.motion(lowered, dt, angle, fastest)
         reference = _sampled(geometry, table, motion.profile, dt)
         worst = _worst(reference, axis_limits)
         helical = isinstance(geometry, Path) and not len(geometry.control_points)
@@ -188,7 +206,7 @@ def plan_feed(
             f"no plan within the limits was found: one is exceeded by {100 * (worst - 1):.3g} %; "
             "the contour is rougher than its samples show"
         )
-    said = remarks(motion, axis_limits)
+    said = (*blend_remarks(blends, stopped), *remarks(motion, axis_limits))
     reference = replace(reference, warnings=(*program.warnings, *said))
     return Plan(
         reference=reference,
@@ -201,7 +219,38 @@ def plan_feed(
         feed=program.feed,
         axes=axis_names(motion),
         curvature_jumps=curvature_jumps(motion, table),
+        part=program.part,
+        blends=blends,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """What is to be planned, with its geometry bounded."""
+
+    program: Program
+    table: ArcLength
+    segments: Segments
+
+    @staticmethod
+    def of(program: Program) -> _Task:
+        table = ArcLength(program.contour)
+        segments = segments_of(program.contour, table)
+        if not (np.diff(segments.edges) > 0.0).all():
+            at = int(np.argmin(np.diff(segments.edges)))
+            raise FeedError(
+                f"piece {int(segments.piece[at])} at {segments.edges[at]:.6g} m "
+                "is shorter than rounding"
+            )
+        return _Task(program, table, segments)
+
+    def motion(
+        self, limits: AxisLimits, dt: float, corner: float, fastest: bool, roughly: bool = False
+    ) -> Motion:
+        motion = plan_motion(self.segments, self.program, limits, dt, corner)
+        if fastest:
+            motion = refine(motion, self.program.contour, self.table, limits, dt, roughly)
+        return motion
 
 
 def _sampled(contour: Contour, table: ArcLength, profile: Profile, dt: float) -> Reference:

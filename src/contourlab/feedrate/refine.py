@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from contourlab.contours.base import Contour
 from contourlab.feedrate.arc_length import ArcLength
-from contourlab.feedrate.collocation import Geometry, Stretch
+from contourlab.feedrate.collocation import Geometry, Stretch, graded_times
 from contourlab.feedrate.interior_point import Collocation, fastest_pace
 from contourlab.feedrate.limits import AxisLimits
 from contourlab.feedrate.motion import Motion
@@ -33,10 +33,12 @@ Values = NDArray[Any]
 MOST_INTERVALS = 400_000
 """Intervals over all stretches; stretches beyond keep their first plan."""
 _WORTH = 1.01
+_PER_CURVE = 6.0
+"""Intervals, at least, in each curved piece of the path."""
 _FEWEST = 64
 _LONGEST = 0.01
 """Longest interval [s]."""
-_ROUGHLY, _CLOSELY = 1e-3, 2e-5
+_ROUGHLY, _CLOSELY = 1e-2, 5e-4
 _KNOT = 2
 """Intervals of the pace to a piece of the own motion."""
 _PLACES = np.array([0.0, 0.5, 1.0])
@@ -49,7 +51,12 @@ _GAP = 1.0
 
 
 def refine(
-    motion: Motion, contour: Contour, table: ArcLength, limits: AxisLimits, sample_time: float
+    motion: Motion,
+    contour: Contour,
+    table: ArcLength,
+    limits: AxisLimits,
+    sample_time: float,
+    roughly: bool = False,
 ) -> Motion:
     """Return the motion with a faster profile.
 
@@ -63,29 +70,39 @@ def refine(
         One number per axis.
     sample_time
         Time between samples [s].
+    roughly
+        Whether one round is enough: a percent or two slower.
     """
     took = motion.arrives - motion.begins
-    intervals = _intervals(motion, took, limits, sample_time)
-    chosen = np.flatnonzero(_worth(motion, limits))
-    few = np.cumsum(intervals[chosen]) <= MOST_INTERVALS
-    motion = replace(motion, left_as_planned=int((~few).sum()))
-    chosen = chosen[few]
+    longest = _longest(limits, sample_time)
     geometry = Geometry(motion, contour, table, limits)
-    stretches = []
-    for k in chosen.tolist():
-        u = np.linspace(0.0, took[k], intervals[k] // _KNOT + 1)
-        arc = motion.profile.at(motion.begins[k] + u)[0]
-        arc[-1] = motion.stops[k + 1]
-        stretches.append(Stretch(k, OwnMotion.through(u, arc), float(took[k]), int(intervals[k])))
+    stretches: list[Stretch] = []
+    left, room = 0, MOST_INTERVALS
+    for k in np.flatnonzero(_worth(motion, limits)).tolist():
+        begin, arrive = motion.begins[k], motion.arrives[k]
+        edges = _pieces(motion, k)
+        nodes = motion.profile.time_at(edges[1:-1]) - begin
+        time = _grid(motion, k, np.concatenate([[0.0], nodes, [arrive - begin]]), longest)
+        if len(time) > room:
+            left += 1
+            continue
+        room -= len(time)
+        arc = motion.profile.at(begin + time[::_KNOT])[0]
+        stretches.append(_stretch(k, arc, edges, time))
+    motion = replace(motion, left_as_planned=left)
     stretches, paces = _fastest(geometry, stretches, _ROUGHLY)
-    evenly = [_evenly(stretch, pace) for stretch, pace in zip(stretches, paces, strict=True)]
-    again, faster = _fastest(geometry, evenly, _CLOSELY)
+    again = [
+        _anew(motion, stretch, pace, longest)
+        for stretch, pace in zip(stretches, paces, strict=True)
+        if not roughly
+    ]
+    again, faster = _fastest(geometry, again, _CLOSELY)
     best: dict[int, tuple[Stretch, Retiming]] = {}
     for stretch, pace in [*zip(stretches, paces, strict=True), *zip(again, faster, strict=True)]:
-        time = float(took[stretch.number])
+        least = float(took[stretch.number])
         if stretch.number in best:
-            time = float(best[stretch.number][1].duration.sum())
-        if pace.duration.sum() < time:
+            least = float(best[stretch.number][1].duration.sum())
+        if pace.duration.sum() < least:
             best[stretch.number] = stretch, pace
     return _assembled(motion, [best[k] for k in sorted(best)]) if best else motion
 
@@ -110,28 +127,51 @@ def _worth(motion: Motion, limits: AxisLimits) -> Values:
     return (curved | several) & (slower | (took > _WORTH * (at_full_speed + ramps)))
 
 
-def _intervals(motion: Motion, took: Values, limits: AxisLimits, sample_time: float) -> Values:
-    """Return the intervals of each stretch: a quarter of the time that jerk needs to build up."""
+def _longest(limits: AxisLimits, sample_time: float) -> float:
+    """Return the longest interval: a quarter of the time that acceleration needs to build up."""
     build_up = float(np.min(np.asarray(limits.acceleration) / np.asarray(limits.jerk)))
-    h = min(_LONGEST, max(2.0 * sample_time, 0.25 * build_up))
-    count = np.maximum(_FEWEST, np.ceil(took / h)).astype(int)
-    return _KNOT * (-(-count // _KNOT))
+    return min(_LONGEST, max(2.0 * sample_time, 0.25 * build_up))
+
+
+def _pieces(motion: Motion, number: int) -> Values:
+    """Return the arc lengths between which a stretch is of one piece, both ends included."""
+    start, end = motion.stops[number], motion.stops[number + 1]
+    edges = motion.segments.edges
+    inside = motion.segments.joint & (edges > start) & (edges < end)
+    return np.concatenate([[start], edges[inside], [end]])
+
+
+def _grid(motion: Motion, number: int, nodes: Values, longest: float) -> Values:
+    """Return the instants of a stretch between which its pace has one piece."""
+    edges = _pieces(motion, number)
+    segment = np.searchsorted(motion.segments.edges, edges[:-1], side="right") - 1
+    curved = motion.segments.bend[segment].max(axis=1) > 0.0
+    nodes = np.maximum.accumulate(nodes)
+    spacing = np.where(curved, np.diff(nodes) / _PER_CURVE, np.inf)
+    keep = np.append(True, np.diff(nodes) > 0.0)
+    return graded_times(nodes[keep], spacing[keep[1:]], longest, _FEWEST)
+
+
+def _stretch(number: int, arc: Values, edges: Values, time: Values) -> Stretch:
+    """Return a stretch that reaches given arc lengths at every second of its knots."""
+    arc[0], arc[-1] = edges[0], edges[-1]
+    return Stretch(number, OwnMotion.through(time[::_KNOT], arc), time)
 
 
 def _fastest(
-    geometry: Geometry, stretches: list[Stretch], barrier: float
+    geometry: Geometry, stretches: list[Stretch], gap: float
 ) -> tuple[list[Stretch], list[Retiming]]:
     """Return the stretches that could be solved, and the fastest pace of each within the limits."""
     stretches = [stretch for stretch in stretches if stretch.moves_on()]
     if not stretches:
         return [], []
-    x = fastest_pace(geometry.collocation(stretches, _PLACES, _WEIGHTS), barrier)
+    x = fastest_pace(geometry.collocation(stretches, _PLACES, _WEIGHTS), gap)
     check = geometry.collocation(stretches, _FINE, np.ones(len(_FINE)))
     x = x / _exceeded(check, x)[check.coefficient_stretch]
     paces, at = [], 0
     for stretch in stretches:
         own = x[at : at + stretch.intervals + 2]
-        paces.append(Retiming.of_spline(0.0, stretch.h, own, 0.0))
+        paces.append(Retiming.of_spline(stretch.knots, own, 0.0))
         at += len(own)
     good = [bool(np.isfinite(pace.duration).all()) for pace in paces]
     return (
@@ -152,13 +192,20 @@ def _exceeded(check: Collocation, coefficient: Values) -> Values:
     return worst
 
 
-def _evenly(stretch: Stretch, pace: Retiming) -> Stretch:
+def _anew(motion: Motion, stretch: Stretch, pace: Retiming, longest: float) -> Stretch:
     """Return the stretch with the result as its own motion."""
-    duration = float(pace.duration.sum())
-    time = np.linspace(0.0, duration, stretch.intervals // _KNOT + 1)
-    arc = stretch.own.at(pace.at(time)[0])[0]
-    arc[0], arc[-1] = (float(stretch.own.at(np.array([u]))[0][0]) for u in (0.0, stretch.duration))
-    return Stretch(stretch.number, OwnMotion.through(time, arc), duration, stretch.intervals)
+    edges = _pieces(motion, stretch.number)
+    end = float(pace.duration.sum())
+    fine = np.interp(
+        np.arange(8 * stretch.intervals + 1) / 8.0,
+        np.arange(stretch.intervals + 1),
+        np.append(pace.time, end),
+    )
+    arc = np.maximum.accumulate(stretch.own.at(pace.at(fine)[0])[0])
+    nodes = np.concatenate([[0.0], np.interp(edges[1:-1], arc, fine), [end]])
+    time = _grid(motion, stretch.number, nodes, longest)
+    arc = stretch.own.at(pace.at(time[::_KNOT])[0])[0]
+    return _stretch(stretch.number, arc, edges, time)
 
 
 def _assembled(motion: Motion, best: list[tuple[Stretch, Retiming]]) -> Motion:

@@ -11,13 +11,17 @@ from contourlab.feedrate.arc_length import ArcLength
 from contourlab.feedrate.limits import AxisLimits
 
 if TYPE_CHECKING:
+    from contourlab.contours.blending import BlendedPart
     from contourlab.feedrate.motion import Motion
 
-__all__ = ["CurvatureJump", "axis_names", "curvature_jumps", "remarks"]
+__all__ = ["CurvatureJump", "axis_names", "blend_remarks", "curvature_jumps", "remarks"]
 
 Values = NDArray[Any]
 
 _NOTICED = 1e-9
+_SHOWN = 5
+_SMOOTH = 1e-6
+"""Jumps of curvature below this share of that on both sides are rounding."""
 _REACHED = 0.999
 _PLACES = np.array([0.1, 0.5, 0.9])
 
@@ -47,6 +51,40 @@ def remarks(motion: Motion, limits: AxisLimits) -> tuple[str, ...]:
         _slower(motion), _turns(motion), _jumps(motion, limits), _left_as_planned(motion),
     )  # fmt: skip
     return tuple(sentence for sentence in sentences if sentence)
+
+
+def blend_remarks(blends: BlendedPart | None, stopped: int) -> tuple[str, ...]:
+    """Return what the user should know of the blends: how far they go, and which were left.
+
+    Parameters
+    ----------
+    blends
+        Of the part, None if there are none.
+    stopped
+        How many corners stay stops because that is faster.
+    """
+    if blends is None:
+        return ()
+    sentences = []
+    if blends.n_blends:
+        sentences.append(
+            f"G64: {blends.n_blends} corners and jumps of curvature are blended, the path leaves "
+            f"the programmed one by at most {1e6 * blends.largest_deviation:.3g} um "
+            f"(line {blends.largest_line}); the contour error is judged against the blended path"
+        )
+    if stopped:
+        sentences.append(
+            f"G64: {stopped} corners are stopped at, because under the jerk limits no blend within "
+            "the tolerance is passed in less time than that takes"
+        )
+    if blends.left:
+        lines = ", ".join(f"line {line} ({why})" for line, why in blends.left[:_SHOWN])
+        more = len(blends.left) - _SHOWN
+        sentences.append(
+            f"G64: {len(blends.left)} corners could not be blended and are stopped at: {lines}"
+            + (f" and {more} more" if more > 0 else "")
+        )
+    return tuple(sentences)
 
 
 def _place(motion: Motion, edge: int) -> str:
@@ -137,7 +175,9 @@ def _curvature_steps(motion: Motion) -> tuple[Values, Values]:
     """Return these edges and the jump of each axis' acceleration there [m/s²]."""
     segments = motion.segments
     jump = np.abs(segments.after[:, 1] - segments.before[:, 1])
-    where = segments.joint & ~motion.stop & (jump.max(axis=1) > 1e-6 / segments.edges[-1])
+    bend = segments.bend.max(axis=1)
+    bent = np.maximum(np.append(bend[:1], bend), np.append(bend, bend[-1:]))
+    where = segments.joint & ~motion.stop & (jump.max(axis=1) > _SMOOTH * bent)
     speed = motion.profile.at(motion.profile.time_at(segments.edges[where]))[1]
     return np.flatnonzero(where), jump[where] * speed[:, None] ** 2
 

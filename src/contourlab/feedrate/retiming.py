@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Retiming", "spline_values"]
+__all__ = ["Retiming", "spline_basis", "spline_values"]
 
 Values = NDArray[Any]
 
@@ -49,27 +49,28 @@ class Retiming:
     """c'' in it [1/s²]."""
 
     @staticmethod
-    def of_spline(start: float, h: float, coefficient: Values, begin: float) -> Retiming:
+    def of_spline(knots: Values, coefficient: Values, begin: float) -> Retiming:
         """Return the pace of one stretch.
 
         Parameters
         ----------
-        start
-            u at its start [s].
-        h
-            Length of an interval [s].
+        knots
+            u, ascending, shape (n + 1,) [s].
         coefficient
             Of the B-splines of degree 2 whose sum is c, shape (n + 2,).
         begin
-            Real time at its start [s].
+            Real time at the first knot [s].
         """
-        n = len(coefficient) - 2
-        x0, x1, x2 = coefficient[:-2], coefficient[1:-1], coefficient[2:]
-        square, slope, bend = 0.5 * (x0 + x1), (x1 - x0) / h, (x0 - 2.0 * x1 + x2) / h**2
-        ends = np.sqrt(np.append(square, 0.5 * (x1[-1] + x2[-1])))
+        h = np.diff(knots)
+        interval = np.arange(len(h))
+        rows = spline_basis(knots, interval, np.zeros(len(h)))
+        square, slope, bend = spline_values(rows, interval, coefficient)
+        last = spline_basis(knots, interval[-1:], np.ones(1))
+        end = spline_values(last, interval[-1:], coefficient)[0]
+        ends = np.sqrt(np.append(square, end))
         took = _duration(h, ends[:-1], ends[1:], 0.5 * bend)
         time = begin + np.concatenate([[0.0], np.cumsum(took[:-1])])
-        return Retiming(time, took, start + h * np.arange(n), np.full(n, h), square, slope, bend)
+        return Retiming(time, took, knots[:-1], h, square, slope, bend)
 
     @staticmethod
     def join(rows: Sequence[Retiming]) -> Retiming:
@@ -106,24 +107,49 @@ class Retiming:
         return self.start[i] + step, square, slope, self.bend[i]
 
 
-def spline_values(interval: Values, place: Values, h: Values, coefficient: Values) -> Values:
-    """Return c, c' and c'' of a spline of degree 2, shape (3, m).
+def spline_basis(knots: Values, interval: Values, place: Values) -> Values:
+    """Return value, slope and bend of the three B-splines of degree 2 at some places, (3, 3, m).
+
+    With h_i the length of interval i, beyond both ends that of its neighbour, and x the
+    coefficients, c(u_i) = (h_i x_i + h_i-1 x_i+1) / (h_i-1 + h_i) at knot i and
+    c'(u_i) = 2 (x_i+1 - x_i) / (h_i-1 + h_i).
 
     Parameters
     ----------
+    knots
+        Ascending, shape (n + 1,) [s].
     interval
-        First coefficient of the interval of each place, shape (m,).
+        Which interval, shape (m,).
     place
         Where in it, 0 to 1.
-    h
-        Length of it [s].
-    coefficient
-        Of all intervals.
     """
-    x0, x1, x2 = (coefficient[interval + k] for k in range(3))
-    first, second = x1 - x0, x0 - 2.0 * x1 + x2
-    value = 0.5 * (x0 + x1) + place * (first + 0.5 * place * second)
-    return np.stack([value, (first + place * second) / h, second / h**2])
+    h = np.diff(knots)
+    h = np.concatenate([h[:1], h, h[-1:]])
+    here = h[interval + 1]
+    first, second = 1.0 / (h[interval] + here), 1.0 / (here + h[interval + 2])
+    zero = np.zeros_like(here)
+    value = np.stack([here * first, h[interval] * first, zero])
+    slope = np.stack([-2.0 * first, 2.0 * first, zero])
+    bend = np.stack([2.0 * first, -2.0 * (first + second), 2.0 * second]) / here
+    into = place * here
+    return np.stack([value + into * (slope + 0.5 * into * bend), slope + into * bend, bend])
+
+
+def spline_values(basis: Values, first: Values, coefficient: Values) -> Values:
+    """Return c, c' and c'', shape (3, m).
+
+    Parameters
+    ----------
+    basis
+        As from ``spline_basis``.
+    first
+        First of the three coefficients of each place, shape (m,).
+    coefficient
+        All of them.
+    """
+    x = np.stack([coefficient[first + k] for k in range(3)])
+    values: Values = np.einsum("pkm,km->pm", basis, x)
+    return values
 
 
 def _hyperbolic(t: Values, k: Values) -> Values:
@@ -137,7 +163,7 @@ def _hyperbolic(t: Values, k: Values) -> Values:
     return result
 
 
-def _duration(h: float, w0: Values, w1: Values, k: Values) -> Values:
+def _duration(h: Values, w0: Values, w1: Values, k: Values) -> Values:
     """Return T with h = (w₀ + w₁) tanh(√k T/2) / √k."""
     x = h / (w0 + w1)
     z = k * x * x

@@ -213,8 +213,12 @@ def _bound_sampled(
     highest = np.abs(over_arc).max(axis=1)
     half = 0.5 * (length / (_SAMPLES - 1))[:, None]
     fourth = MARGIN * highest[:, 3]
-    if len(at) > 2:  # a peak may hide beside the sample: neighbours count too
-        fourth[1:-1] = np.maximum.reduce([fourth[:-2], fourth[1:-1], fourth[2:]])
+    # a peak may hide beside the sample: neighbours in the same piece count too
+    beside = ((np.diff(at) == 1) & (np.diff(piece[at]) == 0))[:, None]
+    after = np.where(beside, fourth[1:], 0.0)
+    before = np.where(beside, fourth[:-1], 0.0)
+    fourth[:-1] = np.maximum(fourth[:-1], after)
+    fourth[1:] = np.maximum(fourth[1:], before)
     twist = highest[:, 2] + half * fourth
     bend = highest[:, 1] + half * twist
     rows.tangent[at] = np.minimum(1.0, highest[:, 0] + half * bend)
