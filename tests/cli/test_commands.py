@@ -110,6 +110,67 @@ def test_mistakes_give_one_sentence_status_2_and_no_files(folder, change, messag
     assert not (folder / "out").exists()
 
 
+MACHINES = """
+[[machine]]
+label = "a"
+name = "ball_screw_stage"
+n_axes = 2
+[[machine]]
+label = "b c"
+name = "ball_screw_stage"
+n_axes = 2
+computing_delay = "1 ms"
+"""
+
+
+def test_several_machines_and_values_that_vary(folder):
+    start, end = SCENARIO.index("[machine]"), SCENARIO.index("[[controller]]")
+    vary = '[vary]\nsamples = 3\n"machine.resolution" = { values = ["0 um", "1 um", "2 um"] }\n'
+    (folder / "s.toml").write_text(SCENARIO[:start] + MACHINES + SCENARIO[end:] + vary)
+    run = contourlab(folder, "compare", "s.toml", "--output", "out", "--json")
+    assert run.returncode == 0, run.stderr
+    result = json.loads(run.stdout)
+    assert [(r["machine"], r["controller"]) for r in result["runs"]] == [
+        ("a", "slow"), ("a", "fast"), ("b c", "slow"), ("b c", "fast"),
+    ]  # fmt: skip
+    assert result["vary"]["samples"] == 3
+    assert result["vary"]["changes"] == {"machine.resolution": "3 listed values"}
+    for r in result["runs"]:
+        rms = r["spread"]["metrics"]["contour_error_rms"]
+        assert rms["p05"] <= rms["median"] <= rms["p95"] <= rms["worst"]
+        assert set(rms["worst_values"]) == {"machine.resolution"}
+        assert r["spread"]["diverged"] == 0
+        assert r["corners"]["count"] >= 1
+        assert set(r["corners"]["overshoot"]) == {"worst", "median", "line"}
+    assert {p.name for p in (folder / "out").iterdir()} == {
+        "report.html", "path.png", "contour_error.png", "commands.png", "summary.png",
+        "spread.png", "slow_on_a.nc", "fast_on_a.nc", "slow_on_b_c.nc", "fast_on_b_c.nc",
+    }  # fmt: skip
+    run = contourlab(folder, "simulate", "s.toml", "--controller", "slow", "--json")
+    assert run.returncode == 2
+    assert "choose one with --machine: a, b c" in run.stderr
+    run = contourlab(
+        folder, "simulate", "s.toml", "--machine", "b c", "--controller", "slow", "--json"
+    )
+    assert run.returncode == 0, run.stderr
+    assert json.loads(run.stdout)["metrics"] == result["runs"][2]["metrics"]
+    run = contourlab(folder, "compare", "s.toml")
+    assert run.returncode == 0, run.stderr
+    assert "on b c" in run.stdout
+    assert "3 samples: median [5 % .. 95 %] in um" in run.stdout
+
+
+def test_recordings_never_share_a_file():
+    from contourlab.cli.output import comparison_files
+    from contourlab.errors import OutputError
+
+    for names in (["a b", "a_b"], ["pid", "PID"]):
+        with pytest.raises(OutputError, match="would both be written"):
+            comparison_files(names)
+    assert "spread.png" in comparison_files(["a"], vary=True)
+    assert "spread.png" not in comparison_files(["a"])
+
+
 def test_usage_and_version(folder):
     assert contourlab(folder, "--help").returncode == 0
     assert contourlab(folder, "--version").stdout.startswith("contourlab 0.")

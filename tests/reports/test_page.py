@@ -131,7 +131,7 @@ def test_the_data_are_those_of_the_recordings(page, comparison):
     tool = np.asarray(recording["tool"][worst]) * 1e3
     np.testing.assert_allclose(foot - vector, tool, rtol=1e-6)
     assert page.data["magnification"] == 100.0
-    assert page.data["limits"] == [6.0, 6.0]
+    assert [panel["limit"] for panel in page.data["commands"]] == [6.0, 6.0]
     assert page.data["lines"]["8"] == "G3 X70 Y10 I0 J10"
 
 
@@ -194,5 +194,5 @@ def test_logs_without_commands_and_without_limits(comparison, tmp_path):
         free[name] = type(r)(dataset)
     file = write_report(dataclasses.replace(comparison, recordings=free), tmp_path / "b.html")
     reader = read(file.read_text(encoding="utf-8"))
-    assert reader.data["limits"] == [None, None]
+    assert [panel["limit"] for panel in reader.data["commands"]] == [None, None]
     assert "no limit" in reader.text

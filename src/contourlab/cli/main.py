@@ -63,16 +63,17 @@ def compare(
     as_json: AsJson = False,
     force: Force = False,
 ) -> None:
-    """Run every controller of a scenario on the same part and machine."""
+    """Run every controller of a scenario on the same part, on every machine of it."""
     from contourlab.cli.output import comparison_files, refuse_files, write_comparison
     from contourlab.cli.progress import RunProgress
-    from contourlab.reports import comparison_json, comparison_table
+    from contourlab.reports import comparison_json, comparison_table, spread_table
     from contourlab.scenarios import read_scenario
 
     _prepare()
     ready = read_scenario(scenario, part=part)
     if output is not None:
-        refuse_files(output, comparison_files(ready.controllers), force=force)
+        names = comparison_files(ready.runs, vary=ready.variation is not None)
+        refuse_files(output, names, force=force)
     with RunProgress(quiet=as_json) as progress:
         result = ready.compare(progress.update)
     report = None
@@ -85,9 +86,14 @@ def compare(
 
     console = Console()
     console.print(comparison_table(result))
-    _say(result.reference.warnings)
+    spread = spread_table(result)
+    if spread is not None:
+        console.print(spread)
+    references = (result.reference, *result.references.values())
+    common = dict.fromkeys(w for reference in references for w in reference.warnings)
+    _say(common)
     for name, recording in result.recordings.items():
-        own = [w for w in recording.warnings if w not in result.reference.warnings]
+        own = [w for w in recording.warnings if w not in common]
         _say([f"{name}: {warning}" for warning in own])
     if report is not None:
         typer.echo(f"report: {report}")
@@ -102,6 +108,10 @@ def simulate(
         str | None,
         typer.Option(help="Which controller, if there are several.", show_default=False),
     ] = None,
+    machine: Annotated[
+        str | None,
+        typer.Option(help="On which machine, if there are several.", show_default=False),
+    ] = None,
     output: Annotated[
         Path | None, typer.Option(help="Recording to write, .nc or .csv.", show_default=False)
     ] = None,
@@ -110,7 +120,12 @@ def simulate(
     force: Force = False,
 ) -> None:
     """Run one controller of a scenario and give its recording and metrics."""
-    from contourlab.cli.output import choose_controller, refuse_recording, write_recording
+    from contourlab.cli.output import (
+        choose_controller,
+        choose_machine,
+        refuse_recording,
+        write_recording,
+    )
     from contourlab.cli.progress import RunProgress
     from contourlab.reports import comparison_table, run_json
     from contourlab.scenarios import read_scenario
@@ -119,14 +134,16 @@ def simulate(
 
     _prepare()
     ready = read_scenario(scenario, part=part)
-    name = choose_controller(ready.controllers, controller)
+    where = choose_machine(ready.setups, machine)
+    setup = ready.setups[where]
+    name = choose_controller(setup.controllers, controller)
     if output is not None:
         refuse_recording(output, force=force)
     with RunProgress(quiet=as_json) as progress:
         recording = run(
-            ready.machine,
-            ready.controllers[name],
-            ready.reference,
+            setup.machine,
+            setup.controllers[name],
+            setup.reference,
             disturbances=ready.disturbances,
             seed=ready.seed,
             name=name,
@@ -139,7 +156,7 @@ def simulate(
         return
     from rich.console import Console
 
-    Console().print(comparison_table(Comparison({name: recording}, ready.reference, ready.machine)))
+    Console().print(comparison_table(Comparison({name: recording}, setup.reference, setup.machine)))
     _say(recording.warnings)
     if output is not None:
         typer.echo(f"recording: {output}")

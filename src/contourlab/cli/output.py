@@ -15,6 +15,7 @@ from contourlab.simulation import Comparison
 
 __all__ = [
     "choose_controller",
+    "choose_machine",
     "comparison_files",
     "recording_file",
     "refuse_files",
@@ -25,32 +26,41 @@ __all__ = [
 
 REPORT = "report.html"
 FIGURES = ("path.png", "contour_error.png", "commands.png", "summary.png")
+SPREAD_FIGURE = "spread.png"
 
 
 def recording_file(name: str) -> str:
-    """Return the file name of a controller's recording.
+    """Return the file name of a run's recording.
 
     Parameters
     ----------
     name
-        Of the controller, as the user wrote it.
+        Of the run: the controller's as the user wrote it, and the machine's if there are several.
     """
     return f"{re.sub(r'[^A-Za-z0-9_.-]+', '_', name).lstrip('.') or 'controller'}.nc"
 
 
-def comparison_files(controllers: Iterable[str]) -> list[str]:
+def comparison_files(runs: Iterable[str], *, vary: bool = False) -> list[str]:
     """Return the names of the files that a comparison writes.
 
     Parameters
     ----------
-    controllers
-        Names.
+    runs
+        Their names.
+    vary
+        Whether values vary, which gives a figure more.
+
+    Raises
+    ------
+    OutputError
+        Two runs would be written to the same file, also where capitals do not count.
     """
-    files = [recording_file(name) for name in controllers]
+    files = [recording_file(name) for name in runs]
+    folded = [name.casefold() for name in files]
     for k, name in enumerate(files):
-        if name in files[:k]:
+        if folded[k] in folded[:k]:
             raise OutputError(f"two controllers would both be written to {name}; rename one")
-    return [REPORT, *FIGURES, *files]
+    return [REPORT, *FIGURES, *([SPREAD_FIGURE] if vary else []), *files]
 
 
 def refuse_files(folder: Path, names: Iterable[str], *, force: bool) -> None:
@@ -91,6 +101,34 @@ def write_comparison(
         recording.save(folder / recording_file(name), force=force)
     write_figures(comparison, folder, magnification=magnification, force=force)
     return write_report(comparison, folder / REPORT, magnification=magnification, force=force)
+
+
+def choose_machine(machines: Iterable[str], name: str | None) -> str:
+    """Return the name of the machine to run on.
+
+    Parameters
+    ----------
+    machines
+        Names of those of the scenario.
+    name
+        As asked for; may be left out if there is one.
+
+    Raises
+    ------
+    ScenarioError
+        There are several and none was named, or the name is unknown.
+    """
+    known = list(machines)
+    if name is None:
+        if len(known) == 1:
+            return known[0]
+        raise ScenarioError(
+            f"the scenario has {len(known)} machines; choose one with --machine: "
+            + ", ".join(known)
+        )
+    if name not in known:
+        raise ScenarioError(f"--machine {name}: no such machine; {choices(name, known)}")
+    return name
 
 
 def choose_controller(controllers: Mapping[str, Controller], name: str | None) -> str:

@@ -7,6 +7,14 @@ from contourlab.recordings.circular import (
     least_squares_circle,
     radial_deviations,
 )
+from contourlab.recordings.corners import (
+    Corner,
+    CornerFigure,
+    CornerPass,
+    find_corners,
+    measure_corners,
+    summarise_corners,
+)
 from contourlab.recordings.metrics import METRICS, Metric
 from contourlab.recordings.recording import Metrics, Recording
 from contourlab.recordings.reference import Reference, ReferencePoint
@@ -15,6 +23,9 @@ from contourlab.recordings.sample import Sample
 __all__ = [
     "METRICS",
     "CircularDeviation",
+    "Corner",
+    "CornerFigure",
+    "CornerPass",
     "Metric",
     "Metrics",
     "Recording",
@@ -23,6 +34,9 @@ __all__ = [
     "Sample",
     "bidirectional_deviation",
     "circular_deviation",
+    "find_corners",
     "least_squares_circle",
+    "measure_corners",
     "radial_deviations",
+    "summarise_corners",
 ]

@@ -6,6 +6,13 @@ when a figure is made, not before.
 
 from contourlab.reports.figures import write_figures
 from contourlab.reports.page import write_report
-from contourlab.reports.tables import comparison_json, comparison_table, run_json
+from contourlab.reports.tables import comparison_json, comparison_table, run_json, spread_table
 
-__all__ = ["comparison_json", "comparison_table", "run_json", "write_figures", "write_report"]
+__all__ = [
+    "comparison_json",
+    "comparison_table",
+    "run_json",
+    "spread_table",
+    "write_figures",
+    "write_report",
+]

@@ -192,7 +192,7 @@ def draw_error(
     """
     bare(axes)
     scale = 1e3 if over == "distance" else 1.0
-    if len(drawing.stops.time) <= SHOWN_STOPS:
+    if len(drawing.stops.time) <= SHOWN_STOPS and (over == "distance" or drawing.one_motion):
         for at in getattr(drawing.stops, over) * scale:
             axes.axvline(at, color=PATH, lw=0.8, ls=":", zorder=1)
     axes.axhline(0.0, color=RULE, lw=1.0, zorder=1)

@@ -48,6 +48,9 @@ class Run:
     """One controller's record, cut where a diverged run leaves the picture; SI."""
 
     name: str
+    """Of the controller; with the machine's if there are several."""
+    machine: str
+    controller: str
     look: Look
     recording: Recording
     metrics: dict[str, MetricValue]
@@ -119,6 +122,17 @@ class Drawing:
     """Distance along the path [m] of contour parameters."""
     parameter: Callable[[Any], Any]
     """The reverse."""
+
+    @property
+    def machines(self) -> dict[str, tuple[Run, ...]]:
+        """The runs of each machine, by its name."""
+        names = dict.fromkeys(run.machine for run in self.runs)
+        return {name: tuple(r for r in self.runs if r.machine == name) for name in names}
+
+    @property
+    def one_motion(self) -> bool:
+        """Whether all runs follow the same reference, so that its times are those of all."""
+        return len({id(r) for r in self.comparison.references.values()}) <= 1
 
     @property
     def good(self) -> tuple[Run, ...]:
@@ -212,7 +226,10 @@ def make_drawing(comparison: Comparison, magnification: float | None = None) -> 
         raise RecordingError("a report needs one recording or more")
     contour = comparison.reference.contour
     used = np.concatenate(
-        [np.asarray(comparison.reference.parameter)]
+        [
+            np.asarray(reference.parameter)
+            for reference in (comparison.reference, *comparison.references.values())
+        ]
         + [np.asarray(r["foot_parameter"]) for r in comparison.recordings.values()]
     )
     parameters = _parameters(contour, used[np.isfinite(used)])
@@ -220,10 +237,15 @@ def make_drawing(comparison: Comparison, magnification: float | None = None) -> 
     distance, parameter = _distances(contour, parameters, points)
     extent = float(np.max(np.ptp(points, axis=0))) or 1.0
     reach = _reach(comparison, extent)
+    pairs = [comparison.pair(name) for name in comparison.recordings]
+    machines, controllers = (list(dict.fromkeys(names)) for names in zip(*pairs, strict=True))
     runs = tuple(
-        _run(name, recording, look(k), contour, distance, reach)
-        for k, (name, recording) in enumerate(comparison.recordings.items())
-    )
+        _run(
+            name, pair, recording, look(controllers.index(pair[1]), machines.index(pair[0])),
+            contour, distance, reach,
+        )
+        for pair, (name, recording) in zip(pairs, comparison.recordings.items(), strict=True)
+    )  # fmt: skip
     first = next(iter(comparison.recordings.values()))
     return Drawing(
         comparison=comparison,
@@ -322,7 +344,7 @@ def _reach(comparison: Comparison, extent: float) -> float:
 
 
 def _run(
-    name: str, recording: Recording, own: Look, contour: Contour,
+    name: str, pair: tuple[str, str], recording: Recording, own: Look, contour: Contour,
     distance: Callable[[Any], Any], reach: float,
 ) -> Run:  # fmt: skip
     error = np.asarray(recording["contour_error"], float)
@@ -335,7 +357,8 @@ def _run(
     else:
         worst = int(np.argmax(np.nan_to_num(np.abs(error))))
     return Run(
-        name=name, look=own, recording=recording, metrics=dict(recording.metrics),
+        name=name, machine=pair[0], controller=pair[1], look=own, recording=recording,
+        metrics=dict(recording.metrics),
         time=np.asarray(recording["time"], float)[:end],
         distance=np.asarray(distance(parameter[:end])),
         error=error[:end],

@@ -22,7 +22,10 @@ from contourlab.reports.canvas import (
 )
 from contourlab.reports.decimation import kept_rows, spans
 from contourlab.reports.drawing import Drawing, Run, make_drawing
-from contourlab.reports.wording import command_limits, command_unit, result_sentences
+from contourlab.reports.feed_strip import feed_figure, feed_strip
+from contourlab.reports.panels import Panel, command_panels
+from contourlab.reports.strips import spread_figure
+from contourlab.reports.wording import command_limits, result_sentences
 from contourlab.units import to_um
 
 if TYPE_CHECKING:
@@ -46,7 +49,7 @@ def write_figures(
     magnification: float | None = None,
     force: bool = False,
 ) -> list[FilePath]:
-    """Write a comparison as PNG: ``path``, ``contour_error``, ``commands`` and ``summary``.
+    """Write a comparison as PNG: path, contour error, commands, summary, feed and spread.
 
     Parameters
     ----------
@@ -62,7 +65,8 @@ def write_figures(
     Returns
     -------
     list of pathlib.Path
-        The files; ``commands.png`` only if commands were recorded.
+        The files; ``commands.png`` only if commands were recorded, ``spread.png`` only if values
+        varied, ``feed.png`` only if the feed was planned.
 
     Raises
     ------
@@ -78,9 +82,15 @@ def write_figures(
         "contour_error": _error_figure,
         "commands": _command_figure,
         "summary": _summary_figure,
+        "spread": spread_figure,
+        "feed": _feed_figure,
     }
     if not any("command" in r.dataset for r in comparison.recordings.values()):
         del makers["commands"]
+    if not comparison.spread:
+        del makers["spread"]
+    if not comparison.plans:
+        del makers["feed"]
     files = [FilePath(folder) / f"{name}.png" for name in makers]
     for file in files:
         refuse_existing(file, force=force)
@@ -88,6 +98,17 @@ def write_figures(
     for file, make in zip(files, makers.values(), strict=True):
         write_png(make(drawing), file, force=force)
     return files
+
+
+def _feed_figure(drawing: Drawing) -> Figure:
+    comparison = drawing.comparison
+    several = len(comparison.plans) > 1
+    return feed_figure(
+        [
+            (name if several else "", feed_strip(plan, comparison.part))
+            for name, plan in comparison.plans.items()
+        ]
+    )
 
 
 def _path_figure(drawing: Drawing) -> Figure:
@@ -124,20 +145,18 @@ def _error_figure(drawing: Drawing) -> Figure:
 
 
 def _command_figure(drawing: Drawing) -> Figure:
-    runs = [run for run in drawing.runs if "command" in run.recording.dataset]
-    first = runs[0].recording
-    names, unit = [str(name) for name in np.asarray(first["axis"])], command_unit(first)
-    figure = new_figure(10.0, min(1.1 + 1.75 * len(names), 40.0))
-    rows = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
-    for axis, (name, axes) in enumerate(zip(names, rows, strict=True)):
+    panels = command_panels(drawing)
+    figure = new_figure(10.0, min(1.1 + 1.75 * len(panels), 40.0))
+    rows = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    for panel, axes in zip(panels, rows, strict=True):
         bare(axes)
         axes.margins(x=0.0)
         for run in drawing.worst_first:
-            if run in runs:
-                _draw_command(axes, run, axis)
-        title = literal(name, 20) + _draw_limit(axes, runs, axis, unit)
+            if run in panel.runs:
+                _draw_command(axes, run, panel.axis)
+        title = literal(panel.title, 50) + _draw_limit(axes, panel)
         axes.set_title(title, loc="left", fontsize=10, color=INK)
-        axes.set_ylabel(f"command [{unit}]", color=MUTED)
+        axes.set_ylabel(f"command [{panel.unit}]", color=MUTED)
     rows[-1].set_xlabel("time [s]", color=MUTED)
     legend_below(figure, drawing, worst=False)
     return figure
@@ -153,14 +172,14 @@ def _draw_command(axes: Axes, run: Run, axis: int) -> None:
         axes.axvspan(run.time[a], end, color=run.look.light, alpha=0.15, lw=0)
 
 
-def _draw_limit(axes: Axes, runs: list[Run], axis: int, unit: str) -> str:
-    limit = command_limits(runs[0].recording)[axis]
+def _draw_limit(axes: Axes, panel: Panel) -> str:
+    limit = panel.limit
     if not np.isfinite(limit):
         return "   no limit"
-    words = f"   limit ±{limit:.4g} {unit}"
+    words = f"   limit ±{limit:.4g} {panel.unit}"
     peak = max(
-        float(np.max(np.abs(np.asarray(run.recording["command"])[: len(run.time), axis])))
-        for run in runs
+        float(np.max(np.abs(np.asarray(run.recording["command"])[: len(run.time), panel.axis])))
+        for run in panel.runs
     )
     if peak < LIMIT_SHOWN * limit:
         return words + ", outside the picture"

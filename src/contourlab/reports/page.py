@@ -18,15 +18,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from contourlab.reports.closeup import closeup
+from contourlab.reports.corner_table import corner_columns
 from contourlab.reports.decimation import kept_rows, shape_rows, spans
 from contourlab.reports.drawing import FAR_WORSE, Drawing, Run, make_drawing
+from contourlab.reports.feed_strip import feed_strip, said, strip_svg
+from contourlab.reports.panels import command_panels
 from contourlab.reports.provenance import provenance
-from contourlab.reports.wording import (
-    command_limits,
-    command_unit,
-    result_sentences,
-    table_columns,
-)
+from contourlab.reports.spread_table import SPREAD_METRICS, spread_rows, spread_sentences
+from contourlab.reports.strips import Strip, strips_of
+from contourlab.reports.wording import command_limits, result_sentences, table_columns
 
 if TYPE_CHECKING:
     from contourlab.simulation.comparison import Comparison
@@ -95,9 +95,17 @@ def _page(drawing: Drawing) -> str:
     rows = _points_per_curve(drawing)
     return environment.from_string(_template("report.html")).render(
         title=comparison.title or "Contouring comparison",
-        sentences=result_sentences(drawing),
+        sentences=[*result_sentences(drawing), *spread_sentences(comparison)],
         columns=table_columns(comparison),
         runs=drawing.runs,
+        several=comparison.several,
+        one_motion=drawing.one_motion,
+        feeds=_feeds(comparison),
+        spread=spread_rows(comparison),
+        spread_heads=[title for _, title in SPREAD_METRICS],
+        corners=corner_columns(comparison),
+        n_corners=max((len(passes) for passes in comparison.corners.values()), default=0),
+        corner_radius=f"{comparison.corner_radius * 1e3:.4g}",
         planar=drawing.shown == 2,
         signed=drawing.signed,
         projection=drawing.projection,
@@ -117,13 +125,41 @@ def _page(drawing: Drawing) -> str:
     )
 
 
+def _feeds(comparison: Comparison) -> list[dict[str, Any]]:
+    """Return for each plan its drawing and the shares of the limits that bind."""
+    from markupsafe import Markup
+
+    found = []
+    for name, plan in comparison.plans.items():
+        strip = feed_strip(plan, comparison.part)
+        label = "planned feed along the path" + (f", {name}" if len(comparison.plans) > 1 else "")
+        found.append(
+            {
+                "name": name if len(comparison.plans) > 1 else "",
+                "svg": Markup(strip_svg(strip, label)),
+                "note": strip.note,
+                "cycle_time": f"{strip.cycle_time:.4g}",
+                "shares": [
+                    (strip.colour(limit), said(limit), f"{100 * share:.3g}")
+                    for limit, share in strip.shares
+                ],
+            }
+        )
+    return found
+
+
 def _warnings(drawing: Drawing) -> list[tuple[int | None, str, str]]:
     """Return all warnings once each: number of the controller if it is one's own, who, what."""
     comparison = drawing.comparison
-    common = list(comparison.reference.warnings)
+    references = comparison.references or {"": comparison.reference}
+    common = list(dict.fromkeys(w for one in references.values() for w in one.warnings))
     of_part = list(comparison.part.warnings) if comparison.part is not None else []
     found: list[tuple[int | None, str, str]] = [(None, "part", text) for text in of_part]
-    found += [(None, "reference", text) for text in common if text not in of_part]
+    for text in common:
+        if text not in of_part:
+            of = [name for name, one in references.items() if text in one.warnings]
+            who = "reference" if len(of) == len(references) else f"reference of {', '.join(of)}"
+            found.append((None, who, text))
     for k, run in enumerate(drawing.runs):
         found += [(k, run.name, text) for text in run.recording.warnings if text not in common]
     return found
@@ -154,8 +190,7 @@ def _points_per_curve(drawing: Drawing) -> int:
 
 def _payload(drawing: Drawing, n_points: int) -> dict[str, Any]:
     runs = [_run(drawing, run, n_points) for run in drawing.runs]
-    with_commands = next((r for r in drawing.runs if "command" in r.recording.dataset), None)
-    limits = command_limits(with_commands.recording) if with_commands else []
+    numbers = {run.name: k for k, run in enumerate(drawing.runs)}
     lines = {int(n) for run in runs for n in np.unique(run.pop("_lines"))}
     lines |= {int(n) for n in drawing.stops.line}
     shown = drawing.shown
@@ -166,8 +201,24 @@ def _payload(drawing: Drawing, n_points: int) -> dict[str, Any]:
         "signed": drawing.signed,
         "far_worse": FAR_WORSE,
         "axes": [str(name) for name in np.asarray(drawing.runs[0].recording["axis"])],
-        "unit": command_unit(with_commands.recording) if with_commands else "",
-        "limits": [limit if math.isfinite(limit) else None for limit in limits],
+        "commands": [
+            {
+                "axis": panel.axis,
+                "title": panel.title,
+                "unit": panel.unit,
+                "limit": _finite(panel.limit),
+                "runs": [numbers[run.name] for run in panel.runs],
+            }
+            for panel in command_panels(drawing)
+        ],
+        "spread": [
+            {
+                "title": strips.title,
+                "logarithmic": strips.logarithmic,
+                "rows": [_strip(strip, numbers[strip.run.name]) for strip in strips.rows],
+            }
+            for strips in strips_of(drawing)
+        ],
         "lines": {str(n): drawing.line_text(n) for n in sorted(lines) if n},
         "path": [_packed(column * 1e3) for column in drawing.path[:, :shown].T],
         "stops": {
@@ -176,9 +227,28 @@ def _payload(drawing: Drawing, n_points: int) -> dict[str, Any]:
             "position": (drawing.stops.position[:, :shown].T * 1e3).tolist(),
             "line": drawing.stops.line.tolist(),
             "lines_shown": len(drawing.stops.time) <= SHOWN_STOPS,
+            "times_shown": drawing.one_motion,
         },
         "runs": runs,
     }
+
+
+def _strip(strip: Strip, number: int) -> dict[str, Any]:
+    return {
+        "run": number,
+        "values": _packed(strip.values),
+        "offset": _packed(strip.offset),
+        "low": _finite(strip.low),
+        "median": _finite(strip.median),
+        "high": _finite(strip.high),
+        "nominal": _finite(strip.nominal),
+        "samples": strip.n_samples,
+        "diverged": strip.n_diverged,
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _run(drawing: Drawing, run: Run, n_points: int) -> dict[str, Any]:

@@ -1,8 +1,9 @@
-"""One fixed look per controller, the same in every figure, on the page and on paper.
+"""One fixed look per run, the same in every figure, on the page and on paper.
 
 The colours are Okabe and Ito's, told apart by people with any of the common colour vision
 deficiencies; the dark page uses lighter ones of the same hue. After six controllers the colours
-come again with another dash.
+come again with another dash. On a second machine a controller keeps its colour, with another dash
+and another marker.
 """
 
 from __future__ import annotations
@@ -36,13 +37,16 @@ class Look:
     marker: str
 
 
-def look(number: int) -> Look:
-    """Return the look of a controller.
+def look(number: int, machine: int = 0) -> Look:
+    """Return the look of a controller on a machine.
 
     Parameters
     ----------
     number
         Its place among the controllers, from 0.
+    machine
+        The machine's place among the machines, from 0.
     """
     round_, place = divmod(number, len(_COLOURS))
-    return Look(*_COLOURS[place], *_DASHES[round_ % len(_DASHES)], *_MARKERS[place])
+    dash = _DASHES[(round_ + machine) % len(_DASHES)]
+    return Look(*_COLOURS[place], *dash, *_MARKERS[(place + machine) % len(_MARKERS)])

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from contourlab.reports.spread_table import change_words
+
 if TYPE_CHECKING:
     from contourlab.simulation.comparison import Comparison
 
@@ -27,7 +29,8 @@ class Provenance:
     assumed: tuple[str, ...]
     """What stands in the machine without a measurement or a source, in sentences."""
     scenario: str
-    machine: str
+    machines: tuple[tuple[str, str], ...]
+    """Configuration by name; the name is empty if there is one machine."""
     controllers: tuple[tuple[str, str], ...]
     """Configuration by name."""
 
@@ -57,14 +60,34 @@ def provenance(comparison: Comparison) -> Provenance:
     ]  # fmt: skip
     if comparison.part is not None:
         facts.insert(0, ("part", f"{comparison.part.source}, {comparison.part.n_pieces} pieces"))
+    facts += comparison.notes
+    if comparison.variation is not None:
+        variation = comparison.variation
+        facts.append(("samples", f"{variation.n_samples}, the same ones for every controller; "
+                      f"seed {variation.seed}"))  # fmt: skip
+        facts += [(path, change_words(change)) for path, change in variation.changes.items()]
     others = {key for r in recordings.values() for key in r.dataset.attrs} - _KNOWN
     facts += [(str(key), _common(comparison, key)) for key in sorted(others, key=str)]
-    assumed = getattr(comparison.machine, "assumed", ())
+    assumed: list[str] = []
+    for machine in comparison.machines.values() or (comparison.machine,):
+        own = getattr(machine, "assumed", ())
+        assumed += [own] if isinstance(own, str) else [str(a) for a in own]
+    machines = dict.fromkeys(comparison.pair(name)[0] for name in recordings)
+    configured = {
+        machine: next(
+            str(r.dataset.attrs.get("machine", ""))
+            for name, r in recordings.items()
+            if comparison.pair(name)[0] == machine
+        )
+        for machine in machines
+    }
     return Provenance(
         facts=tuple((name, value) for name, value in facts if value),
-        assumed=(assumed,) if isinstance(assumed, str) else tuple(str(a) for a in assumed),
+        assumed=tuple(dict.fromkeys(assumed)),
         scenario=comparison.scenario,
-        machine=_common(comparison, "machine"),
+        machines=tuple(configured.items())
+        if comparison.several
+        else (("", _common(comparison, "machine")),),
         controllers=tuple(
             (name, str(r.dataset.attrs.get("configuration", ""))) for name, r in recordings.items()
         ),

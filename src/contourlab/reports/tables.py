@@ -6,6 +6,13 @@ import math
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
+from contourlab.reports.corner_table import corner_json
+from contourlab.reports.spread_table import (
+    SPREAD_METRICS,
+    spread_json,
+    spread_rows,
+    variation_json,
+)
 from contourlab.reports.wording import NONE, Cell, Column, table_columns
 
 if TYPE_CHECKING:
@@ -18,8 +25,10 @@ if TYPE_CHECKING:
 
 WHOLE_NAME = 30
 """Names up to this length are not broken over lines."""
+TERMINAL_SPREADS = 2
+"""So many metrics of the spread have room in 80 columns."""
 
-__all__ = ["comparison_json", "comparison_table", "run_json"]
+__all__ = ["comparison_json", "comparison_table", "run_json", "spread_table"]
 
 
 def comparison_table(comparison: Comparison) -> Table:
@@ -45,18 +54,69 @@ def comparison_table(comparison: Comparison) -> Table:
                   caption=Text(caption),
                   pad_edge=False, collapse_padding=True)  # fmt: skip
     columns = [column for column in table_columns(comparison) if _in_terminal(column)]
-    longest = max(len(_ascii(name)) for name in comparison.recordings)
+    pairs = [comparison.pair(name) for name in comparison.recordings]
+    longest = max(len(_ascii(name)) for _, name in pairs)
     table.add_column("controller", overflow="fold", no_wrap=longest <= WHOLE_NAME)
     for column in columns:
         words = (*column.group.split(), column.name, f"[{column.unit}]")
         head = Text("\n".join(_ascii(word) for word in words))
         table.add_column(head, justify="right", no_wrap=True)
     short = all(len(r.status) <= len("normal") for r in comparison.recordings.values())
-    table.add_column("status", overflow="fold", no_wrap=short)
-    for row, (name, recording) in enumerate(comparison.recordings.items()):
+    told = not (comparison.several and short)  # names of machines take the room
+    if told:
+        table.add_column("status", overflow="fold", no_wrap=short)
+    for row, recording in enumerate(comparison.recordings.values()):
+        machine, name = pairs[row]
+        if comparison.several and (row == 0 or machine != pairs[row - 1][0]):
+            if row:
+                table.add_section()
+            table.add_row(Text(f"on {_ascii(machine)}", style="italic"))
         cells = [_cell(column.cells[row]) for column in columns]
         status = Text(_ascii(recording.status), style="bold red" if recording.diverged else "")
-        table.add_row(Text(_ascii(name)), *cells, status)
+        table.add_row(Text(_ascii(name)), *cells, *([status] if told else []))
+    return table
+
+
+def spread_table(comparison: Comparison) -> Table | None:
+    """Return the spread under variation as a table for the terminal, in µm; None if none varied.
+
+    Parameters
+    ----------
+    comparison
+        With one recording or more.
+    """
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    rows = spread_rows(comparison)
+    if not rows:
+        return None
+    title = Text(f"{rows[0].n_samples} samples: median [5 % .. 95 %] in um", style="bold")
+    shown = [entry for row in rows for entry in row.entries[:TERMINAL_SPREADS]]
+    star = "* least 95 % value; " if any(entry.best for entry in shown) else ""
+    table = Table(title=title, title_justify="left", caption_justify="left", box=box.SIMPLE_HEAD,
+                  caption=Text(f"{star}a sample that diverged counts as infinitely bad"),
+                  pad_edge=False, collapse_padding=True)  # fmt: skip
+    longest = max(len(_ascii(comparison.pair(row.name)[1])) for row in rows)
+    table.add_column("controller", overflow="fold", no_wrap=longest <= WHOLE_NAME)
+    for _, head in SPREAD_METRICS[:TERMINAL_SPREADS]:
+        table.add_column("\n".join(head.split(", ")), justify="right", no_wrap=True)
+    table.add_column("diverged", justify="right", no_wrap=True)
+    before = None
+    for row in rows:
+        machine, controller = comparison.pair(row.name)
+        if comparison.several and machine != before:
+            if before is not None:
+                table.add_section()
+            table.add_row(Text(f"on {_ascii(machine)}", style="italic"))
+        before = machine
+        cells = [
+            Text(("* " if entry.best else "") + _ascii(entry.short.replace("…", "..")
+                 .replace(NONE, "-")), style="bold" if entry.best else "")
+            for entry in row.entries[:TERMINAL_SPREADS]
+        ]  # fmt: skip
+        table.add_row(Text(_ascii(controller)), *cells, Text(str(row.n_diverged)))
     return table
 
 
@@ -114,13 +174,27 @@ def comparison_json(comparison: Comparison, report: str | FilePath | None = None
     Returns
     -------
     dict
-        ``schema``, ``runs`` (see :func:`run_json`), ``report``.
+        ``schema``, ``runs`` (see :func:`run_json`; each with its ``machine``, and where there are
+        such, ``spread`` and ``corners``), ``report``; ``vary`` if something varied.
     """
-    return {
+    runs = []
+    for name, recording in comparison.recordings.items():
+        machine, controller = comparison.pair(name)
+        run = {"machine": machine, **_run(controller, recording)}
+        if name in comparison.spread:
+            run["spread"] = spread_json(comparison.spread[name])
+        corners = corner_json(comparison, name)
+        if corners is not None:
+            run["corners"] = corners
+        runs.append(run)
+    result: dict[str, Any] = {
         "schema": "contourlab.compare/1",
-        "runs": [_run(name, recording) for name, recording in comparison.recordings.items()],
+        "runs": runs,
         "report": None if report is None else str(report),
     }
+    if comparison.variation is not None:
+        result["vary"] = variation_json(comparison.variation)
+    return result
 
 
 def _run(name: str, recording: Recording) -> dict[str, Any]:

@@ -44,10 +44,10 @@ class Column:
 
 
 def table_columns(comparison: Comparison) -> list[Column]:
-    """Return the table of a comparison, one cell per controller in each column.
+    """Return the table of a comparison, one cell per run in each column.
 
-    The best value of a column is marked where the values differ as they are printed; commands are
-    not ranked.
+    The best value of a column is marked where the values differ as they are printed, on each
+    machine by itself; commands are not ranked.
 
     Parameters
     ----------
@@ -56,6 +56,7 @@ def table_columns(comparison: Comparison) -> list[Column]:
     """
     recordings = list(comparison.recordings.values())
     metrics = [dict(recording.metrics) for recording in recordings]
+    machines = [comparison.pair(name)[0] for name in comparison.recordings]
     columns = []
     for group, name, key in (
         ("contour error", "rms", "contour_error_rms"),
@@ -66,20 +67,21 @@ def table_columns(comparison: Comparison) -> list[Column]:
         ("estimate error", "rms", "estimate_error_rms"),
         ("estimate error", "max", "estimate_error_max"),
     ):
-        column = _column(metrics, key, group, name, "µm")
+        column = _column(metrics, machines, key, group, name, "µm")
         if column is not None:
             columns.append(column)
     columns += _command_columns(recordings, metrics)
     for name, key in (("at limit", "saturation_time"), ("cycle", "cycle_time")):
-        column = _column(metrics, key, "time", name, "s")
+        column = _column(metrics, machines, key, "time", name, "s")
         if column is not None:
             columns.append(column)
     return columns
 
 
 def _column(
-    metrics: Sequence[dict[str, MetricValue]], key: str, group: str, name: str, unit: str
-) -> Column | None:
+    metrics: Sequence[dict[str, MetricValue]], machines: Sequence[str], key: str, group: str,
+    name: str, unit: str,
+) -> Column | None:  # fmt: skip
     if not any(key in held for held in metrics):
         return None
     values = []
@@ -87,9 +89,16 @@ def _column(
         value = held.get(key, math.nan)
         values.append(math.nan if isinstance(value, list) else float(value))
     texts = [_um(v) if unit == "µm" else significant(v, 4) for v in values]
-    finite = [(v, text) for v, text in zip(values, texts, strict=True) if math.isfinite(v)]
-    least = min(finite)[1] if finite and len({text for _, text in finite}) > 1 else None
-    return Column(group, name, unit, tuple(Cell(text, text == least) for text in texts))
+    least = {}
+    for machine in set(machines):
+        finite = [
+            (v, text)
+            for v, text, where in zip(values, texts, machines, strict=True)
+            if where == machine and math.isfinite(v)
+        ]
+        least[machine] = min(finite)[1] if len({text for _, text in finite}) > 1 else None
+    cells = (Cell(t, t == least[where]) for t, where in zip(texts, machines, strict=True))
+    return Column(group, name, unit, tuple(cells))
 
 
 def _command_columns(
@@ -97,17 +106,22 @@ def _command_columns(
 ) -> list[Column]:
     if not any("command_max" in held for held in metrics):
         return []
-    first = next(r for r in recordings if "command" in r.dataset)
-    unit, limits = command_unit(first), command_limits(first)
+    held = [r for r in recordings if "command" in r.dataset]
+    first = held[0]
+    units, limits = {command_unit(r) for r in held}, command_limits(first)
+    unit = command_unit(first) if len(units) == 1 else ""
     columns = []
     for axis, label in enumerate(np.asarray(first["axis"])):
         cells = []
-        for held in metrics:
-            value = held.get("command_max", math.nan)
+        for recording, metric in zip(recordings, metrics, strict=True):
+            value = metric.get("command_max", math.nan)
             single = value[axis] if isinstance(value, list) else math.nan
-            cells.append(Cell(significant(single, 3)))
+            own = "" if unit or not math.isfinite(single) else f"\u00a0{command_unit(recording)}"
+            cells.append(Cell(significant(single, 3) + own))
         limit = limits[axis]
         note = f"limit {limit:.4g}" if math.isfinite(limit) else "no limit"
+        if len({command_limits(r)[axis] for r in held}) > 1:
+            note = "limits differ"
         columns.append(Column("command max", str(label), unit, tuple(cells), note))
     return columns
 
@@ -168,6 +182,8 @@ def result_sentences(drawing: Drawing) -> list[str]:
     drawing
         Of the comparison.
     """
+    if drawing.comparison.several:
+        return _several_machines(drawing)
     lost = [run for run in drawing.runs if run.diverged]
     ranked = sorted(
         (run for run in drawing.good if math.isfinite(_rms(run))), key=lambda run: _rms(run)
@@ -201,6 +217,37 @@ def result_sentences(drawing: Drawing) -> list[str]:
         sentences.append(f"The smallest worst case is {calm.name}'s: {_um(_max(calm))}{MICRONS}.")
     sentences += [f"{run.name} {run.status}." for run in lost]
     return sentences
+
+
+def _several_machines(drawing: Drawing) -> list[str]:
+    """Return who is best on each machine, and who is lost."""
+    best = {}
+    for machine, runs in drawing.machines.items():
+        ranked = [run for run in runs if not run.diverged and math.isfinite(_rms(run))]
+        best[machine] = min(ranked, key=_rms, default=None)
+    lost = [f"{run.name} {run.status}." for run in drawing.runs if run.diverged]
+    found = {machine: run for machine, run in best.items() if run is not None}
+    if not found:
+        return ["All runs diverged: there are no figures to compare.", *lost]
+    size = {machine: f"{_um(_rms(run))}{MICRONS} rms" for machine, run in found.items()}
+    winners = {run.controller for run in found.values()}
+    if len(winners) == 1 and len(found) == len(best):
+        both = "both" if len(found) == 2 else f"all {len(found)}"
+        shown = _listed([f"{text} on {machine}" for machine, text in size.items()])
+        head = (
+            f"{next(iter(winners))} keeps the tool closest to the path on {both} machines: {shown}."
+        )
+    else:
+        each = [f"on {m} {run.controller} ({size[m]})" for m, run in found.items()]
+        head = f"Closest to the path: {_listed(each)}."
+    worst = [
+        f"On {machine} {run.controller} is off by {_um(_max(run))}{MICRONS} at worst "
+        f"({drawing.where(run, run.worst)})."
+        for machine, run in found.items()
+        if run.worst is not None
+    ]
+    none = [f"On {machine} every controller diverged." for machine in best if machine not in found]
+    return [head, *worst, *none, *lost]
 
 
 def _nobody(runs: Sequence[Run], lost: Sequence[Run]) -> list[str]:

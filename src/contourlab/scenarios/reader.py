@@ -2,70 +2,35 @@
 
 from __future__ import annotations
 
-import dataclasses
 import tomllib
-from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import Any, NoReturn
 
 import pydantic
 
-from contourlab.configuration import replace
-from contourlab.contours.base import Contour
-from contourlab.contours.part import Part, axis_columns
 from contourlab.controllers.base import Controller
-from contourlab.errors import ScenarioError, TravelError, UnitError, choices
-from contourlab.feedrate import constant_feed, constant_rate, plan_feed
-from contourlab.feedrate.program import part_warnings
-from contourlab.machines import Disturbance, Machine
+from contourlab.errors import ContourlabError, ScenarioError, TravelError, UnitError, choices
+from contourlab.machines import Machine
 from contourlab.recordings.reference import Reference
-from contourlab.scenarios import registry
+from contourlab.scenarios.build import (
+    build_contour,
+    build_controllers,
+    build_disturbance,
+    build_references,
+    restriction_notes,
+)
 from contourlab.scenarios.locate import Key, line_of
 from contourlab.scenarios.machine import build_machine
-from contourlab.scenarios.schema import FeedSection, PartSection, ScenarioSections
-from contourlab.scenarios.values import KeyedError, at, make
-from contourlab.simulation.checks import check_loop
-from contourlab.simulation.comparison import Comparison, compare
+from contourlab.scenarios.scenario import Scenario, Setup
+from contourlab.scenarios.schema import MachineSection, PartSection, ScenarioSections
+from contourlab.scenarios.values import KeyedError
+from contourlab.scenarios.vary import build_variation
+from contourlab.simulation.checks import as_reference, check_loop
+from contourlab.simulation.pairing import ONLY, Loop
 
-__all__ = ["Scenario", "read_scenario", "read_scenario_text"]
+__all__ = ["read_scenario", "read_scenario_text"]
 
 LARGEST_FILE = 1 << 20
-
-
-@dataclass(frozen=True)
-class Scenario:
-    """A scenario as objects: everything that a run or a comparison needs."""
-
-    machine: Machine
-    controllers: Mapping[str, Controller]
-    reference: Reference
-    disturbances: tuple[Disturbance, ...]
-    seed: int
-    part: Part | None
-    """The part program, if the contour came from one."""
-    stops: tuple[float, ...]
-    """Times of exact stops [s]."""
-    title: str
-    magnification: float | None
-    text: str
-    """The file's text."""
-    source: str
-    """Its name as given."""
-
-    def compare(self, progress: Any = None) -> Comparison:
-        """Run every controller of the scenario.
-
-        Parameters
-        ----------
-        progress
-            As for :func:`contourlab.compare`.
-        """
-        return compare(
-            self.machine, self.controllers, self.reference, disturbances=self.disturbances,
-            seed=self.seed, part=self.part, stops=self.stops, scenario=self.text,
-            title=self.title, progress=progress,
-        )  # fmt: skip
 
 
 def read_scenario(file: str | FilePath, *, part: str | FilePath | None = None) -> Scenario:
@@ -140,163 +105,149 @@ def read_scenario_text(
         kept = {k: v for k, v in raw["part"].items() if k in PartSection.model_fields}
         raw["part"] = {**kept, "file": str(FilePath(part).absolute())}
         raw["part"].pop("formula", None)
+    said = f"# part replaced on the command line by {part}\n" if part is not None else ""
+    return _from_raw(raw, text, name, FilePath(folder), said)
+
+
+def _from_raw(
+    raw: dict[str, Any], text: str, name: str, folder: FilePath, said: str = ""
+) -> Scenario:
+    single, labels = _machine_list(raw, text, name)
     try:
         sections = ScenarioSections.model_validate(raw)
-        said = f"# part replaced on the command line by {part}\n" if part is not None else ""
-        return _build(sections, said + text, name, FilePath(folder))
+        return _build(sections, labels, said + text, name, folder)
     except pydantic.ValidationError as error:
-        _refuse(error, raw, text, name)
+        _refuse(error, text, name, single=single)
     except KeyedError as error:
+        key = _written(error.key, single=single)
         raise ScenarioError(
-            error.message, file=name, line=line_of(text, error.key), key=_dotted(error.key)
+            error.message, file=name, line=line_of(text, key), key=_dotted(key)
         ) from error
 
 
-def _build(sections: ScenarioSections, text: str, name: str, folder: FilePath) -> Scenario:
-    machine = build_machine(sections.machine, sections.simulation.substeps)
-    contour, part = _contour(sections.part, machine, folder)
-    controllers = _controllers(sections.controller, machine)
+def _machine_list(raw: dict[str, Any], text: str, file: str) -> tuple[bool, list[str]]:
+    """Make ``[machine]`` a list of one, take the labels out, and return them.
+
+    Returns whether there was one table, and what each machine is called.
+    """
+    given = raw.get("machine")
+    single = isinstance(given, dict)
+    tables = [given] if single else given
+    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
+        return False, []  # refused by the schema
+    raw["machine"] = [{k: v for k, v in table.items() if k != "label"} for table in tables]
+    labels: list[str] = []
+    for k, table in enumerate(tables):
+        key = _written(("machine", k, "label"), single=single)
+        label = table.get("label", table.get("name", ONLY))
+        wrong = ""
+        if not isinstance(label, str) or not label.strip():
+            wrong = f"must be a name, got {label!r}"
+        elif label in labels:
+            wrong = f"{label!r} stands already; give each machine a label of its own"
+        if wrong and ("label" in table or isinstance(label, str)):
+            raise ScenarioError(wrong, file=file, line=line_of(text, key), key=_dotted(key))
+        labels.append(str(label))
+    return single, labels
+
+
+def _build(
+    sections: ScenarioSections, labels: list[str], text: str, name: str, folder: FilePath
+) -> Scenario:
+    machines = {
+        label: _machine(section, k, sections.simulation.substeps, folder)
+        for k, (label, section) in enumerate(zip(labels, sections.machine, strict=True))
+    }
+    axes = next(iter(machines.values())).names
+    for k, (label, machine) in enumerate(machines.items()):
+        if machine.names != axes:
+            raise KeyedError(
+                ("machine", k),
+                f"machine {label} has axes {', '.join(machine.names)} and {labels[0]} has "
+                f"{', '.join(axes)}: the machines of a scenario need the same axes",
+            )
+    contour, part = build_contour(sections.part, axes, folder)
+    controllers = build_controllers(sections.controller, machines)
+    for k, label in enumerate(labels):
+        if not any(label in own for own in controllers.values()):
+            raise KeyedError(("machine", k), f"no controller runs on machine {label}")
     disturbances = tuple(
-        _disturbance(entry, ("simulation", "disturbance", k), machine)
+        build_disturbance(entry, ("simulation", "disturbance", k), axes)
         for k, entry in enumerate(sections.simulation.disturbance)
     )
-    with at("feed"):
-        reference, stops = _reference(
-            sections.feed, part or contour, machine, sections.simulation.sample_time
-        )
-    for k, controller in enumerate(controllers.values()):
-        with at("controller", k):
-            try:
-                check_loop(machine, controller, reference)
-            except TravelError as error:  # whatever the law: the part is in the wrong place
-                raise KeyedError(("part",), str(error)) from error
-            controller.bind(reference.contour, reference.sample_time)
+    planned = build_references(
+        sections.feed, part or contour, machines, sections.simulation.sample_time
+    )
+    for k, (controller, own) in enumerate(controllers.items()):
+        for label, law in own.items():
+            _check(law, machines[label], as_reference(planned[label]), ("controller", k),
+                   f"{controller} on machine {label}: " if len(machines) > 1 else "")  # fmt: skip
+    loops = [
+        Loop(
+            label, controller, machines[label], own[label], as_reference(planned[label]),
+            disturbances,
+        )  # fmt: skip
+        for label in machines
+        for controller, own in controllers.items()
+        if label in own
+    ]
+    seed = sections.simulation.seed
     return Scenario(
-        machine, controllers, reference, disturbances, sections.simulation.seed, part, stops,
-        sections.report.title, sections.report.magnification, text, name,
-    )  # fmt: skip
-
-
-def _contour(
-    section: PartSection, machine: Machine, folder: FilePath
-) -> tuple[Contour, Part | None]:
-    if section.file is not None:
-        from contourlab.contours.gcode import read_gcode
-
-        start = tuple(section.start) if section.start is not None else (0.0, 0.0, 0.0)
-        if len(start) != 3:
-            raise KeyedError(("part", "start"), f"needs X, Y and Z, got {len(start)} values")
-        axes = tuple(section.axes) if section.axes is not None else machine.names
-        with at("part", "axes"):
-            axis_columns(axes)
-        with at("part"):
-            part = read_gcode(
-                folder / section.file, axes=axes, default_units=section.default_units,
-                block_delete=section.block_delete, start=start,
-            )  # fmt: skip
-        return part.path, part
-    for name in ("axes", "block_delete", "default_units", "start"):
-        if name in section.model_fields_set:
-            raise KeyedError(("part", name), "goes with file, not with formula")
-    with at("part", "formula"):
-        cls = registry.lookup("formula", section.formula, registry.contours())
-    return make(cls, section.model_extra or {}, ("part",)), None
-
-
-def _controllers(entries: list[dict[str, Any]], machine: Machine) -> dict[str, Controller]:
-    made: dict[str, Controller] = {}
-    for k, entry in enumerate(entries):
-        key: Key = ("controller", k)
-        values = dict(entry)
-        name = values.pop("name", None)
-        controller = _controller(values, key, machine)
-        if name is None:
-            name = str(values["type"]).replace("-", "_")
-        if not isinstance(name, str) or not name:
-            raise KeyedError((*key, "name"), f"must be a name, got {name!r}")
-        if name in made:
-            raise KeyedError(
-                (*key, "name"), f"{name!r} stands already; give each controller a name of its own"
+        setups={
+            label: Setup(
+                machine, {name: own[label] for name, own in controllers.items() if label in own},
+                planned[label],
             )
-        made[name] = controller
-    return made
-
-
-def _controller(value: Any, key: Key, machine: Machine) -> Controller:
-    cls, values = _typed(value, key, "controller", registry.controllers())
-    return make(  # type: ignore[no-any-return]
-        cls, values, key, given=_given(cls, machine),
-        parts={
-            "axis": lambda v, k: _controller(v, k, machine),
-            "estimator": _estimator,
+            for label, machine in machines.items()
         },
+        disturbances=disturbances, seed=seed, part=part, title=sections.report.title,
+        magnification=sections.report.magnification, text=text, source=name,
+        variation=build_variation(sections.vary, loops, seed) if sections.vary else None,
+        corner_radius=sections.report.corner_radius,
+        notes=(*restriction_notes(sections.part, part), *_limit_notes(sections)),
+        common=sections.feed.limits != "own",
     )  # fmt: skip
 
 
-def _given(cls: type, machine: Machine) -> dict[str, Any]:
-    names = {field.name for field in dataclasses.fields(cls)}
-    if "model" not in names:
-        return {}
-    with at("machine"):
-        return {"model": machine.nominal}
+def _machine(
+    section: MachineSection, number: int, substeps: int | None, folder: FilePath
+) -> Machine:
+    try:
+        return build_machine(section, substeps, folder)
+    except KeyedError as error:
+        if error.key[:1] != ("machine",):
+            raise
+        raise KeyedError(("machine", number, *error.key[1:]), error.message) from error
 
 
-def _estimator(value: Any, key: Key) -> Any:
-    value = {"type": value} if isinstance(value, str) else value
-    cls, values = _typed(value, key, "estimator", registry.estimators())
-    return make(cls, values, key)
+def _check(law: Controller, machine: Machine, reference: Reference, key: Key, who: str) -> None:
+    try:
+        check_loop(machine, law, reference)
+        law.bind(reference.contour, reference.sample_time)
+    except TravelError as error:  # whatever the law: the part is in the wrong place
+        raise KeyedError(("part",), f"{who}{error}") from error
+    except ContourlabError as error:
+        raise KeyedError(key, f"{who}{error}") from error
 
 
-def _disturbance(value: Any, key: Key, machine: Machine) -> Disturbance:
-    cls, values = _typed(value, key, "disturbance", registry.disturbances())
-    axis = values.get("axis")
-    if axis not in machine.names:
-        raise KeyedError((*key, "axis"), f"no axis {axis!r}; {choices(axis, machine.names)}")
-    values["axis"] = machine.names.index(axis)
-    return make(cls, values, key)  # type: ignore[no-any-return]
-
-
-def _typed(value: Any, key: Key, kind: str, table: dict[str, type]) -> tuple[type, dict[str, Any]]:
-    if not isinstance(value, Mapping) or "type" not in value:
-        raise KeyedError(key, f"a {kind} needs type; {choices('', table)}")
-    values = dict(value)
-    with at(*key, "type"):
-        return registry.lookup(kind, values.pop("type"), table), values
-
-
-def _reference(
-    feed: FeedSection, contour: Contour | Part, machine: Machine, sample_time: float
-) -> tuple[Reference, tuple[float, ...]]:
-    if feed.kind == "programmed":
-        options = {
-            name: getattr(feed, name)
-            for name in ("feed", "rapid_feed", "corner_angle")
-            if getattr(feed, name) is not None
-        }
-        if machine.limits is None:
-            raise KeyedError(
-                ("machine",), "the machine has no axis limits, which the programmed feed needs"
-            )
-        plan = plan_feed(contour, limits=machine.limits, sample_time=sample_time, **options)
-        return plan.reference, tuple(float(t) for t in plan.stop_times)
-    curve = contour.path if isinstance(contour, Part) else contour
-    if feed.kind == "constant_rate":
-        assert feed.rate is not None
-        assert feed.duration is not None
-        reference = constant_rate(
-            curve, rate=feed.rate, duration=feed.duration, sample_time=sample_time
+def _limit_notes(sections: ScenarioSections) -> tuple[tuple[str, str], ...]:
+    if len(sections.machine) == 1 or sections.feed.kind != "programmed":
+        return ()
+    if sections.feed.limits == "own":
+        said = (
+            "each machine was planned by its own axis limits: the motions differ, and so do times "
+            "and errors for that reason alone"
         )
     else:
-        assert feed.feed is not None
-        reference = constant_feed(
-            curve, feed=feed.feed, sample_time=sample_time, duration=feed.duration
-        )
-    if isinstance(contour, Part):
-        unused = f"kind {feed.kind!r} does not use the program's feeds, rapids, dwells and stops"
-        reference = replace(
-            reference, warnings=(*part_warnings(contour), unused, *reference.warnings)
-        )
-    return reference, ()
+        said = "all machines follow the same motion, planned by the tightest limit of each axis"
+    return (("axis limits", said),)
+
+
+def _written(key: Key, *, single: bool) -> Key:
+    """Return a key as it stands in the file, where one machine is a table and no list."""
+    if single and key[:1] == ("machine",) and len(key) > 1 and isinstance(key[1], int):
+        return (key[0], *key[2:])
+    return key
 
 
 def _dotted(key: Key) -> str:
@@ -306,9 +257,9 @@ def _dotted(key: Key) -> str:
     return text
 
 
-def _refuse(error: pydantic.ValidationError, raw: Any, text: str, name: str) -> NoReturn:
+def _refuse(error: pydantic.ValidationError, text: str, name: str, *, single: bool) -> NoReturn:
     first = error.errors(include_url=False)[0]
-    key = tuple(first["loc"])
+    key = _written(tuple(first["loc"]), single=single)
     kind, message = first["type"], first["msg"]
     if kind == "extra_forbidden":
         message = f"unknown key; {choices(key[-1], _allowed(key))}"

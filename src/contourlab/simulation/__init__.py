@@ -1,7 +1,20 @@
-"""Closing the loop: one run, several controllers, many runs."""
+"""Closing the loop: one run, several controllers and machines, many runs."""
 
 from contourlab.simulation.comparison import Comparison, compare
+from contourlab.simulation.draws import Listed, Normal, Uniform, Variation
 from contourlab.simulation.many import simulate_many
 from contourlab.simulation.run import simulate
+from contourlab.simulation.spread import Spread, Statistic
 
-__all__ = ["Comparison", "compare", "simulate", "simulate_many"]
+__all__ = [
+    "Comparison",
+    "Listed",
+    "Normal",
+    "Spread",
+    "Statistic",
+    "Uniform",
+    "Variation",
+    "compare",
+    "simulate",
+    "simulate_many",
+]

@@ -111,7 +111,8 @@ function stopMarkers(look, type) {
   const [x, y, z] = data.stops.position;
   const hovertext = data.stops.time.map((time, k) => {
     const text = lineText(data.stops.line[k]);
-    return `exact stop at ${digits(time, 4)} s${text ? `<br>before ${text}` : ""}`;
+    const at = data.stops.times_shown ? ` at ${digits(time, 4)} s` : "";
+    return `exact stop${at}${text ? `<br>before ${text}` : ""}`;
   });
   return {
     type, mode: "markers", x, y, ...(type === "scatter3d" ? { z } : {}), hovertext, hoverinfo: "text",
@@ -195,7 +196,8 @@ function errorFigure(key, title) {
         { ayref: "y", xanchor: x[k] < first + 0.5 * (last - first) ? "left" : "right" }));
     }
   }
-  const shapes = !data.stops.lines_shown ? [] : data.stops[key].map((at) => ({
+  const stopped = data.stops.lines_shown && (key === "distance" || data.stops.times_shown);
+  const shapes = !stopped ? [] : data.stops[key].map((at) => ({
     type: "line", x0: at, x1: at, y0: 0, y1: 1, yref: "paper", layer: "below",
     line: { color: look.path, width: 1, dash: "dot" },
   }));
@@ -249,19 +251,21 @@ function closeupFigure(run) {
   };
 }
 
-// one row per axis over a common time
-function axisFigure(key, unit, limits) {
+// one row per panel over a common time
+function axisFigure(key, panels) {
   const look = theme(), inside = framed();
-  const count = data.axes.length, gap = 0.24 / Math.max(count, 2);
+  const count = panels.length, gap = 0.24 / Math.max(count, 2);
   const traces = [], shapes = [], annotations = [];
   const layout = baseLayout(look, Math.min(70 + (narrow() ? 150 : 180) * count, 1400));
   const share = (1 - gap * (count - 1)) / count;
-  data.axes.forEach((name, row) => {
+  panels.forEach((panel, row) => {
+    const unit = panel.unit, limit = panel.limit;
     const suffix = row === 0 ? "" : String(row + 1);
     const top = 1 - row * (share + gap);
     let [low, high] = [Infinity, -Infinity];
     for (const run of data.drawn) {
-      const y = run.axes[key] && run.axes[key][row];
+      if (!panel.runs.includes(data.runs.indexOf(run))) continue;
+      const y = run.axes[key] && run.axes[key][panel.axis];
       if (!y) continue;
       if (key === "command" ? !run.hidden : inside.includes(run)) {
         const [a, b] = bounds(y);
@@ -271,16 +275,15 @@ function axisFigure(key, unit, limits) {
         yaxis: `y${suffix}`,
         hovertemplate: `<b>${run.label.replace(/%/g, "&#37;")}</b><br>%{y:.4g} ${plain(unit)} at %{x:.4g} s<extra></extra>`,
       }));
-      const saturated = (key === "command" && run.axes.saturated[row]) || [];
-      if (saturated.length) traces.push(shading(run, look, saturated, limits[row], suffix));
+      const saturated = (key === "command" && run.axes.saturated[panel.axis]) || [];
+      if (saturated.length) traces.push(shading(run, look, saturated, limit, suffix));
     }
     if (!(low <= high)) [low, high] = [-1, 1];
     const peak = Math.max(Math.abs(low), Math.abs(high));
     const pad = 0.08 * (high - low || peak || 1);
     [low, high] = [low - pad, high + pad];
-    const limit = limits ? limits[row] : null;
-    let title = `<b>${plain(name)}</b>`;
-    if (limit !== null && peak >= 0.35 * limit) {
+    let title = `<b>${plain(panel.title)}</b>`;
+    if (typeof limit === "number" && peak >= 0.35 * limit) {
       [low, high] = [Math.min(low, -1.12 * limit), Math.max(high, 1.12 * limit)];
       for (const sign of [-1, 1]) {
         shapes.push({
@@ -289,7 +292,7 @@ function axisFigure(key, unit, limits) {
         });
       }
       title += `  limit ±${Number(limit.toPrecision(4))} ${plain(unit)}`;
-    } else if (limits) {
+    } else if (limit !== undefined) {
       title += limit === null ? "  no limit" :
         `  limit ±${Number(limit.toPrecision(4))} ${plain(unit)}, outside the picture`;
     }
@@ -306,6 +309,76 @@ function axisFigure(key, unit, limits) {
     range: bounds(data.runs.flatMap((run) => bounds(run.axes.time))),
   });
   return { traces, layout: { ...layout, shapes, annotations } };
+}
+
+// how the contour error is distributed over the samples: a strip per run, rms beside max
+function spreadFigure() {
+  const look = theme(), side = !narrow();
+  const shown = data.spread[0].rows.map((row, k) => k)
+    .filter((k) => !data.runs[data.spread[0].rows[k].run].hidden);
+  const each = 58 * Math.max(shown.length, 1);
+  const layout = baseLayout(look, side ? 110 + each : 170 + 2 * each);
+  const traces = [], annotations = [];
+  data.spread.forEach((strips, column) => {
+    const suffix = column ? String(column + 1) : "";
+    const axes = { xaxis: `x${suffix}`, yaxis: `y${suffix}` };
+    const end = Math.max(0, ...strips.rows.map((row) => row.values[row.values.length - 1] || 0));
+    shown.forEach((k, place) => {
+      const row = strips.rows[k], run = data.runs[row.run], colour = look.run(run);
+      const words = `<b>${run.label}</b><br>median ${digits(row.median ?? NaN, 3)} µm` +
+        `<br>5 to 95 %: ${digits(row.low ?? NaN, 3)} to ${row.high === null ? "diverged" : `${digits(row.high, 3)} µm`}` +
+        (row.diverged ? `<br>${row.diverged} of ${row.samples} diverged` : "");
+      traces.push({
+        type: "scatter", mode: "markers", ...axes, x: row.values,
+        y: Array.from(row.offset, (at) => place + 0.26 * at), hoverinfo: "text", hovertext: words,
+        marker: { color: colour, size: 4.5, opacity: 0.4 },
+      });
+      if (row.low !== null) {
+        traces.push({
+          type: "scatter", mode: "lines", ...axes, x: [row.low, row.high ?? end], y: [place, place],
+          hoverinfo: "skip", line: { color: colour, width: 4, dash: row.high === null ? "dot" : "solid" },
+        });
+      }
+      if (row.median !== null) {
+        traces.push({
+          type: "scatter", mode: "markers", ...axes, x: [row.median], y: [place],
+          hoverinfo: "text", hovertext: words,
+          marker: { symbol: "line-ns-open", size: 20, color: colour, line: { width: 3, color: colour } },
+        });
+      }
+      if (row.nominal !== null) {
+        traces.push({
+          type: "scatter", mode: "markers", ...axes, x: [row.nominal], y: [place],
+          hoverinfo: "text", hovertext: `<b>${run.label}</b><br>as it stands: ${digits(row.nominal, 3)} µm`,
+          marker: { symbol: "diamond", size: 9, color: look.ground, line: { width: 1.5, color: look.ink } },
+        });
+      }
+    });
+    const labels = shown.map((k) => {
+      const row = strips.rows[k], run = data.runs[row.run];
+      const name = run.name.length > 34 ? `${run.name.slice(0, 33)}…` : run.name;
+      const lost = row.diverged ? `<br><i>${row.diverged} of ${row.samples} diverged</i>` : "";
+      return `<span style="color:${look.run(run)}">${plain(name)}</span>${lost}`;
+    });
+    annotations.push({
+      text: `<b>${plain(strips.title)}</b>`, xref: `x${suffix} domain`, yref: `y${suffix} domain`,
+      x: 0, y: 1, xanchor: "left", yanchor: "bottom", showarrow: false,
+      font: { size: 12.5, color: look.ink },
+    });
+    const last = data.spread.length - 1;
+    layout[`xaxis${suffix}`] = axis(look, `[µm]${strips.logarithmic ? ", logarithmic" : ""}`, {
+      type: strips.logarithmic ? "log" : "linear", anchor: `y${suffix}`, zeroline: false,
+      rangemode: strips.logarithmic ? "normal" : "tozero", nticks: 7,
+      domain: side ? [column * 0.52, column === last ? 1 : 0.48] : [0, 1],
+    });
+    layout[`yaxis${suffix}`] = axis(look, "", {
+      anchor: `x${suffix}`, range: [shown.length - 0.45, -0.55], showgrid: false, zeroline: false,
+      tickvals: shown.map((k, place) => place), fixedrange: true,
+      ticktext: side && column ? shown.map(() => "") : labels,
+      domain: side ? [0, 1] : column ? [0, 0.4] : [0.6, 1],
+    });
+  });
+  return { traces, layout: { ...layout, annotations } };
 }
 
 function shading(run, look, saturated, limit, suffix) {

@@ -14,8 +14,11 @@ const figures = {
   path: () => pathFigure(state.factor),
   error_distance: () => errorFigure("distance", "distance along the path [mm]"),
   error_time: () => errorFigure("time", "time [s]"),
-  command: () => axisFigure("command", data.unit, data.limits),
-  tracking_error: () => axisFigure("tracking_error", "µm", null),
+  command: () => axisFigure("command", data.commands),
+  tracking_error: () => axisFigure("tracking_error", data.axes.map((title, axis) => ({
+    axis, title, unit: "µm", runs: data.runs.map((run, k) => k),
+  }))),
+  spread: () => spreadFigure(),
 };
 
 function drawAll() {

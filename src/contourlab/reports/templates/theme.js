@@ -90,6 +90,12 @@ for (const run of data.runs) {
   run.hover = Array.from(run.error, (error, k) => where(run, k));
 }
 data.path = data.path.map(numbers);
+for (const strips of data.spread) {
+  for (const row of strips.rows) {
+    row.values = numbers(row.values);
+    row.offset = numbers(row.offset);
+  }
+}
 
 // in the order of drawing, the best on top
 data.drawn = [...data.runs].sort((a, b) => b.diverged - a.diverged || b.largest - a.largest);
