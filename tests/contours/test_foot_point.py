@@ -291,6 +291,34 @@ def test_wrong_shapes_are_named():
         foot_point(path, np.zeros((4, 2)), near=np.zeros(3))
 
 
+def blended():
+    """Return three lines whose corners are rounded by Bézier rows that bend up to 1/(5 mm)."""
+    first = [[0.09, 0.0], [0.096, 0], [0.1, 0], [0.1, 0], [0.1, 0.004], [0.1, 0.01]]
+    second = [[0.1, 0.05], [0.1, 0.054], [0.1, 0.06], [0.104, 0.06], [0.11, 0.06]]
+    return Path.join([
+        Path.polyline([[0, 0], first[0]]),
+        Path.from_bezier(np.array([first]), np.ones((1, 6))),
+        Path.polyline([first[-1], second[0]]),
+        Path.from_bezier(np.array([second]), np.array([[1, 0.8, 0.7, 0.8, 1.0]])),
+        Path.polyline([second[-1], [0.2, 0.06]]),
+    ])  # fmt: skip
+
+
+def test_a_blended_path_from_rounding_to_large_errors():
+    # small errors take Bézier rows whole, large ones cell by cell; tracing knows only cells
+    rng, path = np.random.default_rng(3), blended()
+    near = np.concatenate([rng.uniform(0, float(path.length), 200), path.breaks])
+    size = np.concatenate([[0.0] * 20, 10 ** rng.uniform(-9, -2, len(near) - 20)])
+    points = np.asarray(jax.vmap(path.position)(near))
+    points = points + rng.permutation(size)[:, None] * rng.normal(size=points.shape)
+    cells = cells_of(path)
+    traced = jax.jit(jax.vmap(lambda q, p: local_foot(cells, q, p)))(points, near)
+    foot = foot_point(path, points, near)
+    assert_allclose(norms(foot), norms(traced), rtol=0, atol=1e-14)
+    assert_allclose(foot.position, traced.position, rtol=0, atol=1e-13)
+    assert_allclose(foot.parameter, traced.parameter, rtol=0, atol=1e-13)
+
+
 @pytest.mark.parametrize("name", ["arcs", "ellipse"])
 def test_traced_agrees_with_the_batch(name):
     rng = np.random.default_rng(1)

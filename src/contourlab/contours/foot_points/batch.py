@@ -8,10 +8,8 @@ of a chunk.
 
 from __future__ import annotations
 
+import dataclasses
 import functools
-import os
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import jax
@@ -19,8 +17,20 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from contourlab.contours.foot_points.bezier_tables import bezier_tables
+from contourlab.contours.foot_points.by_kind import feet_by_kind, finish_by_kind
 from contourlab.contours.foot_points.cells import Cells
 from contourlab.contours.foot_points.formula_cells import FormulaCells
+from contourlab.contours.foot_points.lanes import (
+    SMALL,
+    chunks,
+    in_chunks,
+    padded,
+    rows_of,
+    side_by_side,
+    walkers_of,
+    write_nearer,
+)
 from contourlab.contours.foot_points.local import (
     Foot,
     FootPoint,
@@ -32,10 +42,8 @@ from contourlab.contours.foot_points.local import (
 )
 from contourlab.contours.foot_points.path_cells import PathCells
 
-__all__ = ["LARGE", "SMALL", "finish_all", "local_feet", "on_device", "padded", "side_by_side"]
+__all__ = ["finish_all", "local_feet", "on_device"]
 
-LARGE, SMALL = 1 << 16, 1 << 11
-"""Lanes of a chunk: of two sizes only, so that nothing is compiled for a new number of points."""
 QUICK_STEPS = (3, 8)
 """Newton steps of the quick way: few for all points, more for those that need them."""
 _ONE_BY_ONE = 6
@@ -46,6 +54,9 @@ Values = NDArray[Any]
 
 def on_device(cells: Cells) -> Cells:
     """Return cells whose tables are JAX arrays, so that they are handed over once."""
+    if isinstance(cells, PathCells) and cells.has_beziers:
+        tables = bezier_tables(np.asarray(cells.contour.control_points))
+        cells = dataclasses.replace(cells, tables=tables)
     return jax.tree.map(jnp.asarray, cells)  # type: ignore[no-any-return]
 
 
@@ -80,7 +91,7 @@ def _begin(cells: Cells, q: Any, near: Any, piece: Any) -> Start:
 
 @jax.jit
 def _go_on(
-    cells: Cells, q: Any, centre: Any, reach: Any, foot: Foot, walker: Walker, count: Any
+    cells: Cells, count: Any, q: Any, centre: Any, reach: Any, foot: Foot, walker: Walker
 ) -> tuple[Foot, Walker]:
     many = jax.vmap(step, (None, 0, 0, 0, 0, 0))
 
@@ -101,42 +112,6 @@ def _finish(cells: Cells, q: Any, foot: Foot) -> FootPoint:
     return jax.vmap(finish, (None, 0, 0))(cells, q, foot)
 
 
-def padded(values: Any, size: int) -> Any:
-    """Return arrays with their last rows repeated up to a size; none may be empty."""
-
-    def one(x: Values) -> Values:
-        x = np.asarray(x)
-        more = size - len(x)
-        return np.concatenate([x, np.repeat(x[-1:], more, axis=0)]) if more else x
-
-    return jax.tree.map(one, values)
-
-
-def chunks(n: int) -> list[tuple[slice, int]]:
-    """Return slices that cover n points, each with the size that it is padded to."""
-    size = SMALL if n <= SMALL else LARGE
-    return [(slice(k, min(k + size, n)), size) for k in range(0, n, size)]
-
-
-def side_by_side(work: Callable[[slice, int], None], n: int) -> None:
-    """Do the chunks of n points, as many at a time as there are processors.
-
-    Parameters
-    ----------
-    work
-        Takes a slice of the points and the size that it is to be padded to.
-    n
-        Number of points.
-    """
-    jobs = chunks(n)
-    if len(jobs) < 2:
-        for job in jobs:
-            work(*job)
-        return
-    with ThreadPoolExecutor(min(os.cpu_count() or 1, 8)) as pool:
-        list(pool.map(work, *zip(*jobs, strict=True)))
-
-
 def finish_all(cells: Cells, points: Values, feet: Foot) -> FootPoint:
     """Return foot points from places on the contour.
 
@@ -149,13 +124,15 @@ def finish_all(cells: Cells, points: Values, feet: Foot) -> FootPoint:
     feet
         One per point.
     """
+    if isinstance(cells, PathCells) and not cells.closed_form:
+        return finish_by_kind(cells, points, feet)
     result = _empty(points)
 
     def work(at: slice, size: int) -> None:
         part = jax.tree.map(lambda x: x[at], feet)
         _store(result, at, _finish(cells, padded(points[at], size), padded(part, size)))
 
-    side_by_side(work, len(points))
+    side_by_side(work, chunks(len(points)))
     return result
 
 
@@ -201,7 +178,7 @@ def _quickly(
         _store(result, at, quick)
         certain[at] = np.asarray(sure)[: at.stop - at.start]
 
-    side_by_side(work, len(points))
+    side_by_side(work, chunks(len(points)))
     return result, certain
 
 
@@ -221,6 +198,10 @@ def _searched(cells: Cells, points: Values, near: Values) -> tuple[FootPoint, Va
     breaks, ball, whole = None, None, np.zeros(n, bool)
     if isinstance(cells, PathCells):
         breaks, ball = np.asarray(cells.contour.breaks), _path_ball(cells)
+        if not cells.closed_form:
+            pieces = _pieces(breaks, near, cells.contour.closed)
+            feet, whole = feet_by_kind(cells, points, near, pieces, ball)
+            return finish_by_kind(cells, points, feet), np.flatnonzero(whole)
 
     def work(at: slice, size: int) -> None:
         q, parameter = padded((points[at], near[at]), size)
@@ -233,7 +214,7 @@ def _searched(cells: Cells, points: Values, near: Values) -> tuple[FootPoint, Va
         foot = _walked(cells, q, begun, np.flatnonzero(~whole[at]))
         _store(result, at, _finish(cells, q, foot))
 
-    side_by_side(work, n)
+    side_by_side(work, chunks(n))
     return result, np.flatnonzero(whole)
 
 
@@ -261,64 +242,18 @@ def _pieces(breaks: Values | None, near: Values, closed: bool) -> Values:
 def _walked(cells: Cells, q: Values, begun: Start, lanes: Values) -> Foot:
     """Return the best feet of a chunk, of which some lanes count."""
     best: Foot = begun.foot
-    owner, state = _still(begun, q, lanes)
+    owner, state = walkers_of(begun, q, lanes)
     if not len(owner):
         return best
     best = Foot(*(np.array(x) for x in best))
     rounds = 0
     while len(owner):
         count = 1 if rounds < _ONE_BY_ONE else 8 if len(owner) > SMALL else 1 << 20
-        foot, walker = _stepped(cells, state, count)
+        way = functools.partial(_go_on, cells, np.int32(count))
+        foot, walker = in_chunks(way, state)
         rounds += 1
         going = np.asarray(walker.left) > 0
-        _keep(best, owner[~going], _rows(foot, ~going))
+        write_nearer(best, owner[~going], rows_of(foot, ~going))
         owner = owner[going]
-        state = _rows((*state[:3], foot, walker), going)
+        state = rows_of((*state[:3], foot, walker), going)
     return best
-
-
-def _rows(tree: Any, which: Values) -> Any:
-    return jax.tree.map(lambda x: x[which], tree)
-
-
-def _still(begun: Start, q: Values, lanes: Values) -> tuple[Values, Any]:
-    """Return the lanes that go on, both ways, and whose they are."""
-    ways = [lanes[np.asarray(w.left)[lanes] > 0] for w in (begun.ahead, begun.behind)]
-    owner = np.concatenate(ways)
-    walker = jax.tree.map(
-        lambda a, b: np.concatenate([np.asarray(a)[ways[0]], np.asarray(b)[ways[1]]]),
-        begun.ahead,
-        begun.behind,
-    )
-    rest = (q, begun.centre, begun.reach, begun.foot)
-    return owner, (*jax.tree.map(lambda x: np.asarray(x)[owner], rest), walker)
-
-
-def _stepped(cells: Cells, state: Any, count: int) -> tuple[Foot, Walker]:
-    parts = []
-    n = len(state[2])
-    at = 0
-    while at < n:
-        size = SMALL if n - at <= 2 * SMALL else LARGE
-        lanes = slice(at, min(at + size, n))
-        some = padded(jax.tree.map(lambda x, lanes=lanes: x[lanes], state), size)
-        done = _go_on(cells, *some, np.int32(count))
-        parts.append(jax.tree.map(lambda x, m=lanes.stop - at: np.asarray(x)[:m], done))
-        at = lanes.stop
-    return jax.tree.map(lambda *x: np.concatenate(x), *parts)  # type: ignore[no-any-return]
-
-
-def _keep(best: Foot, owner: Values, foot: Foot) -> None:
-    """Write into ``best`` what is nearer; both ways of one point may be among the lanes."""
-    for half in _once_each(owner):
-        at = owner[half]
-        nearer = foot.squared[half] < best.squared[at]
-        for whole, part in zip(best, foot, strict=True):
-            whole[at[nearer]] = part[half][nearer]
-
-
-def _once_each(owner: Values) -> list[Values]:
-    """Return masks in each of which no owner comes twice; owners come in two rising runs."""
-    turn = np.flatnonzero(np.diff(owner) <= 0)
-    first = np.arange(len(owner)) <= (turn[0] if len(turn) else len(owner))
-    return [first, ~first]

@@ -10,6 +10,7 @@ pieces and formulas they are sampled, with 10 % added.
 
 from __future__ import annotations
 
+import functools
 from typing import Any, NamedTuple
 
 import jax
@@ -18,10 +19,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from contourlab.contours.foot_points.batch import LARGE, SMALL, finish_all, padded, side_by_side
+from contourlab.contours.foot_points.batch import finish_all
+from contourlab.contours.foot_points.by_kind import KINDS, by_kind, row_kinds
 from contourlab.contours.foot_points.cells import Cells
 from contourlab.contours.foot_points.formula_cells import FormulaCells
+from contourlab.contours.foot_points.lanes import (
+    LARGE,
+    SMALL,
+    chunks,
+    in_chunks,
+    padded,
+    side_by_side,
+)
 from contourlab.contours.foot_points.local import Foot, FootPoint
+from contourlab.contours.foot_points.path_cells import PathCells
 
 __all__ = ["Fragments", "fragments_of", "global_feet"]
 
@@ -90,7 +101,7 @@ def global_feet(cells: Cells, points: Values) -> FootPoint:
             del size
             _search(cells, fragments, tree, points, finite[at], feet)
 
-        side_by_side(work, len(finite))
+        side_by_side(work, chunks(len(finite)))
     return finish_all(cells, points, feet)
 
 
@@ -166,8 +177,12 @@ def _solve(
         size = SMALL if n - at <= 2 * SMALL else LARGE
         own, some = owner[at : at + size], index[at : at + size]
         row = fragments.row[some]
-        given = padded((points[own], row, fragments.low[some], fragments.high[some]), size)
-        s, squared = (np.asarray(x)[: len(own)] for x in _nearest(cells, *given))
+        given = (points[own], row, fragments.low[some], fragments.high[some])
+        if isinstance(cells, PathCells) and not cells.closed_form:
+            s, squared = by_kind(row_kinds(cells)[row], functools.partial(_of_kind, cells), given)
+        else:
+            found = _nearest(cells, *padded(given, size))
+            s, squared = (np.asarray(x)[: len(own)] for x in found)
         # one point may be here several times: the nearest is written last
         order = np.argsort(-squared, kind="stable") if len(own) > 1 else np.zeros(1, int)
         order = order[squared[order] < feet.squared[own[order]]]
@@ -175,6 +190,10 @@ def _solve(
         feet.row[own[order]] = row[order]
         feet.s[own[order]] = s[order]
         at += size
+
+
+def _of_kind(cells: PathCells, kind: int, given: Any) -> Any:
+    return in_chunks(functools.partial(_nearest, cells.only(KINDS[kind])), given)
 
 
 def _measured(cells: Cells, row: Values, low: Values, high: Values) -> tuple[Values, Values]:

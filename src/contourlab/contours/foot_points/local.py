@@ -28,6 +28,8 @@ __all__ = [
     "FootPoint",
     "Start",
     "Walker",
+    "advance",
+    "better",
     "finish",
     "local_foot",
     "search",
@@ -171,9 +173,9 @@ def start(cells: Cells, q: Array, row: Array, s: Array, lap: Array) -> Start:
     top, over_top = _cut(cells, row, centre, reach, s, high, moving)
     bottom, over_bottom = _cut(cells, row, centre, reach, s, low, moving)
     at, squared = cells.nearest(row, q, bottom, top, moving)
-    foot = _better(foot, Foot(squared, row, at, lap))
+    foot = better(foot, Foot(squared, row, at, lap))
     for k, over in enumerate((over_top, over_bottom)):
-        walkers[k] = _advance(cells, walkers[k], centre, reach, over)
+        walkers[k] = advance(cells, walkers[k], centre, reach, over)
     return Start(centre, reach, foot, *walkers)
 
 
@@ -199,8 +201,8 @@ def step(
     end, over = _cut(cells, row, centre, reach, begin, jnp.where(walker.sign > 0, high, low), going)
     at, squared = cells.nearest(row, q, jnp.minimum(begin, end), jnp.maximum(begin, end), going)
     squared = jnp.where(going, squared, jnp.inf)
-    foot = _better(foot, Foot(squared, row, at, walker.lap))
-    return foot, _advance(cells, walker, centre, reach, over)
+    foot = better(foot, Foot(squared, row, at, walker.lap))
+    return foot, advance(cells, walker, centre, reach, over)
 
 
 def walk(cells: Cells, q: Array, begun: Start) -> Foot:
@@ -285,12 +287,13 @@ def _cut(
     return jnp.where(over, peak, end), over
 
 
-def _better(foot: Foot, new: Foot) -> Foot:
+def better(foot: Foot, new: Foot) -> Foot:
+    """Return the nearer of two."""
     closer = new.squared < foot.squared
     return Foot(*(jnp.where(closer, *pair) for pair in zip(new, foot, strict=True)))
 
 
-def _advance(cells: Cells, walker: Walker, centre: Array, reach: Array, over: Array) -> Walker:
+def advance(cells: Cells, walker: Walker, centre: Array, reach: Array, over: Array) -> Walker:
     """Return the walker at the next cell; it stops outside the ball and at an open end."""
     out = cells.joint(walker.row, walker.part, walker.sign) - centre
     done = over | ~(out @ out <= reach)

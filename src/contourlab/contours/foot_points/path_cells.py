@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import equinox as eqx
@@ -11,6 +12,7 @@ import numpy as np
 
 from contourlab.configuration import is_concrete
 from contourlab.contours.bezier import chebyshev_value
+from contourlab.contours.foot_points.bezier_tables import BezierTables
 from contourlab.contours.foot_points.cells import Cells, placed
 from contourlab.contours.helical import helical_derivatives
 from contourlab.contours.path import Path
@@ -36,6 +38,15 @@ class PathCells(Cells):
     has_arcs: bool = eqx.field(static=True)
     has_helices: bool = eqx.field(static=True)
     has_beziers: bool = eqx.field(static=True)
+    lanes: str = eqx.field(static=True, default="any")
+    """Kind of the rows that are asked about: "any", or all "simple", "helix", "bezier" or
+    "whole": Bézier rows that are taken whole."""
+    tables: BezierTables | None = None
+    """Of the Bézier rows, for batches."""
+
+    def only(self, kind: str) -> PathCells:
+        """Return the same cells, to be asked about rows of one kind; neighbours may be any."""
+        return dataclasses.replace(self, lanes=kind)
 
     @property
     def n_rows(self) -> int:
@@ -44,13 +55,13 @@ class PathCells(Cells):
 
     @property
     def closed_form(self) -> bool:
-        """Whether every row is a line or a planar arc."""
-        return not (self.has_helices or self.has_beziers)
+        """Whether every row that is asked about is a line or a planar arc."""
+        return self.lanes == "simple" or not (self.has_helices or self.has_beziers)
 
     @property
     def any_simple(self) -> bool:
         """Whether some row may be a line or a planar arc."""
-        return self.has_lines or self.has_arcs
+        return self.lanes in ("any", "simple") and (self.has_lines or self.has_arcs)
 
     @property
     def by_length(self) -> bool:
@@ -70,11 +81,16 @@ class PathCells(Cells):
         """Return row, the row's own parameter and lap of a parameter."""
         path = self.contour
         row = path.find(parameter) if piece is None else path.locate(parameter, piece)
-        row, s, lap = placed(path, parameter, jnp.asarray(row, jnp.int32))
+        return self.place_on(parameter, jnp.asarray(row, jnp.int32))
+
+    def place_on(self, parameter: Array, row: Array) -> tuple[Array, Array, Array]:
+        """Return row, the row's own parameter and lap of a parameter known to be on a row."""
+        path = self.contour
+        row, s, lap = placed(path, parameter, row)
         breaks = jnp.asarray(path.breaks)
         length = breaks[row + 1] - breaks[row]
         s = jnp.clip(s - (breaks[row] - breaks[0]), 0.0, length)
-        if self.has_beziers:
+        if self.lanes in ("any", "bezier", "whole") and self.has_beziers:
             u = chebyshev_value(self._inverse(row), 2.0 * s / length - 1.0)
             s = jnp.where(self._is_bezier(row), jnp.clip(u, 0.0, 1.0), s)
         return row, s, lap
@@ -84,7 +100,7 @@ class PathCells(Cells):
         path = self.contour
         breaks = jnp.asarray(path.breaks)
         length = breaks[row + 1] - breaks[row]
-        if self.has_beziers:
+        if self.lanes in ("any", "bezier", "whole") and self.has_beziers:
             s = jnp.where(self._is_bezier(row), self._bezier_length(row, s, length), s)
         return breaks[row] + s + lap * path.length
 
@@ -95,6 +111,8 @@ class PathCells(Cells):
             slope = self._bezier(row, u, 1)[1]
             return jnp.sqrt(slope @ slope)
 
+        if self.tables is not None:
+            return self.tables.length(self.table_row(row), self._inverse(row), length, u)
         nodes = u * (0.5 + 0.5 * jnp.asarray(_NODES))
         s = 0.5 * u * (jax.vmap(speed)(nodes) @ jnp.asarray(_WEIGHTS))
         off = chebyshev_value(self._inverse(row), 2.0 * s / length - 1.0) - u
@@ -119,14 +137,14 @@ class PathCells(Cells):
         if self.has_helices:
             turn = jnp.abs(self._rate(row)) * self.extent(row)
             turns = jnp.clip(jnp.ceil(turn / HELIX_TURN), 1.0, 2.0**30).astype(row.dtype)
-            parts = jnp.where(self.arc(row)[0], 1, turns)
+            parts = jnp.where(self._is_helix(row), turns, 1)
         if self.has_beziers:
             parts = jnp.where(self._is_bezier(row), BEZIER_CELLS, parts)
         return parts
 
     def joint(self, row: Array, part: Array, sign: Array) -> Array:
         """Return the point where a cell ends."""
-        if not self.closed_form:
+        if not (self.closed_form or self.lanes == "whole"):
             return super().joint(row, part, sign)
         # past the end of an open path nothing is walked, and a closed one begins again
         after = jnp.where(row + 1 >= self.n_rows, 0, row + 1)
@@ -144,9 +162,9 @@ class PathCells(Cells):
             origin, tangent, _ = self.arc(row)[2]
             rows = [origin + s * tangent, tangent, jnp.zeros_like(tangent)]
             return jnp.stack(rows[: order + 1])
-        if not self.has_beziers:
+        if self.lanes in ("simple", "helix") or not self.has_beziers:
             return self._helical(row, s, order)
-        if not (self.any_simple or self.has_helices):
+        if self.lanes in ("bezier", "whole") or not (self.any_simple or self.has_helices):
             return self._bezier(row, s, order)
         return jnp.where(
             self._is_bezier(row), self._bezier(row, s, order), self._helical(row, s, order)
@@ -178,14 +196,20 @@ class PathCells(Cells):
     def _is_bezier(self, row: Array) -> Array:
         return jnp.asarray(self.contour.bezier_row)[row] >= 0
 
+    def _is_helix(self, row: Array) -> Array:
+        w = jnp.asarray(self.contour.axial_vector)[row]
+        return ~self._is_bezier(row) & (self._rate(row) != 0.0) & (w @ w != 0.0)
+
+    def table_row(self, row: Array) -> Array:
+        """Return the row of the Bézier tables that a Bézier row uses."""
+        return jnp.maximum(jnp.asarray(self.contour.bezier_row)[row], 0)
+
     def _inverse(self, row: Array) -> Array:
-        path = self.contour
-        return jnp.asarray(path.inverse_length)[jnp.maximum(jnp.asarray(path.bezier_row)[row], 0)]
+        return jnp.asarray(self.contour.inverse_length)[self.table_row(row)]
 
     def _bezier(self, row: Array, u: Array, order: int) -> Array:
-        path = self.contour
-        at = jnp.maximum(jnp.asarray(path.bezier_row)[row], 0)
-        return rational_derivatives(jnp.asarray(path.control_points)[at], u, order)
+        control = jnp.asarray(self.contour.control_points)[self.table_row(row)]
+        return rational_derivatives(control, u, order)
 
     def _helical(self, row: Array, s: Array, order: int) -> Array:
         path = self.contour
@@ -213,12 +237,16 @@ def path_cells(path: Path) -> PathCells:
         lines = bool(np.any(own & ~turning))
         arcs = bool(np.any(own & turning & ~rising))
         helices = bool(np.any(own & turning & rising))
-    count = jnp.asarray(path.n_pieces, jnp.int32)
-    cells = PathCells(path, count, lines, arcs, helices, beziers)
+    cells = PathCells(path, jnp.asarray(path.n_pieces, jnp.int32), lines, arcs, helices, beziers)
     if cells.closed_form:
         return cells
     rows = jnp.arange(path.n_pieces, dtype=jnp.int32)
-    return PathCells(path, jnp.sum(jax.vmap(cells.parts)(rows)), lines, arcs, helices, beziers)
+    return dataclasses.replace(cells, n_cells=_count(cells, rows))
+
+
+@jax.jit
+def _count(cells: PathCells, rows: Array) -> Array:
+    return jnp.sum(jax.vmap(cells.parts)(rows))
 
 
 def rational_derivatives(control: Array, u: Array, order: int) -> Array:

@@ -42,14 +42,15 @@ def nearest_by_scan(
         Whether the answer matters.
     """
 
-    def look(x: Array) -> tuple[Array, Array, Array]:
+    def look(x: Array) -> tuple[Array, Array, Array, Any]:
         r = curve(x, 2)
         d = r[0] - q
-        return d @ d, d @ r[1], r[1] @ r[1] + d @ r[2]
+        speed2 = r[1] @ r[1]
+        return d @ d, d @ r[1], speed2 + d @ r[2], (speed2, r[2] @ r[2], r[0] @ r[0])
 
     fraction = jnp.arange(SCAN + 1) / SCAN
     edges = jnp.where(fraction == 1.0, high, low + (high - low) * fraction)
-    squared, slope, _ = jax.vmap(look)(edges)
+    squared, slope, *_ = jax.vmap(look)(edges)
     a, b, ga, gb = edges[:-1], edges[1:], slope[:-1], slope[1:]
     minimum = (ga < 0.0) & (gb >= 0.0)
     tolerance = 4.0 * _EPS * (jnp.abs(high) + jnp.abs(high - low))
@@ -57,14 +58,18 @@ def nearest_by_scan(
 
     def step(state: Any) -> Any:
         a, b, x, value, todo, count = state
-        seen, g, h = jax.vmap(look)(x)
+        seen, g, h, (speed2, bend2, size2) = jax.vmap(look)(x)
         value = jnp.where(todo, seen, value)
         a, b = jnp.where(todo & (g < 0.0), x, a), jnp.where(todo & (g >= 0.0), x, b)
         newton = x - g / jnp.where(h > 0.0, h, 1.0)
         inside = (h > 0.0) & (newton >= a) & (newton <= b)
         new = jnp.where(inside, newton, 0.5 * (a + b))
         new = jnp.where(todo, new, x)
-        return a, b, new, value, todo & (jnp.abs(new - x) > tolerance), count + 1
+        # the point moves by less than the rounding of its coordinates
+        step = jnp.abs(new - x)
+        moved = step * (jnp.sqrt(speed2) + step * jnp.sqrt(bend2))
+        going = (step > tolerance) & ~(moved <= 2.0 * _EPS * jnp.sqrt(size2))
+        return a, b, new, value, todo & going, count + 1
 
     _, _, x, value, _, _ = jax.lax.while_loop(
         lambda state: jnp.any(state[4]) & (state[5] < _NEWTON_STEPS),
