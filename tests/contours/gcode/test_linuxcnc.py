@@ -414,27 +414,24 @@ def test_subprograms_in_other_files(tmp_path: Path) -> None:
 
 REFUSED = {
     "b-index.ngc": "b0: rotary axes",
-    "cds.ngc": "G43: tool length offsets",
     "comp-g1.ngc": "G41: cutter compensation",
     "comp.ngc": "g42: cutter compensation",
     "comp311.ngc": "g41: cutter compensation",
     "comp311_2.ngc": "g41: cutter compensation",
     "cone.ngc": "g28: returning to stored positions",
     "daisy.ngc": "A0: rotary axes",
-    "g76.ngc": "g43: tool length offsets",
-    "gmoccapy_2_tools_with_cutter_radius_compensation.ngc": "G43: tool length offsets",
+    "g76.ngc": "g41: cutter compensation",
+    "gmoccapy_2_tools_with_cutter_radius_compensation.ngc": "G41: cutter compensation",
     "gridprobe.ngc": "G38.2: probing",
     "hole-circle.ngc": "G81: canned cycles",
-    "lathe-g76.ngc": "g43: tool length offsets",
-    "lathe_g70_71_demo.ngc": "G43: tool length offsets",
+    "lathe-g76.ngc": "g41: cutter compensation",
+    "lathe_g70_71_demo.ngc": "G71.1: lathe cycles",
     "lathe_g7x_face_boring.ngc": "G72: lathe cycles",
     "lathe_g7x_quadrants.ngc": "G70: lathe cycles",
-    "lathecomp.ngc": "g43: tool length offsets",
-    "mmount.ngc": "G43: tool length offsets",
+    "lathecomp.ngc": "g42: cutter compensation",
+    "mmount.ngc": "G81: canned cycles",
     "nestedcall.ngc": "does not belong behind call",
-    "offsets.ngc": "G43: tool length offsets",
     "polar.ngc": "G81: canned cycles",
-    "skeleton.ngc": "G43: tool length offsets",
     "smartprobe.ngc": "G38.5: probing",
     "threading.ngc": "g33: spindle-synchronised motion",
     "tool-length-probe.ngc": "g30: returning to stored positions",
@@ -454,7 +451,11 @@ NAMES = sorted(str(f.relative_to(SAMPLES)) for f in SAMPLES.rglob("*.ngc"))
 MOVING = {"arcspiral.ngc": 999, "tort.ngc": 200, "spiral.ngc": 800, "flowsnake.ngc": 3000,
           "3D_Chips.ngc": 4600, "systems.ngc": 800,
           "plasmatest.ngc": 300, "3dtest.ngc": 40}  # fmt: skip
-TOOLS = re.compile(r"(?<![(;A-Za-z<_])(?:T *(?:[0-9]+|#<\w+>)|M *0?6(?![0-9]))", re.I)
+TOOLS = re.compile(
+    r"(?<![(;A-Za-z<_])(?:T *(?:[0-9]+|#<\w+>)|M *0?6(?![0-9])|M *61 *Q *#<\w+>)"
+    r"|(?<![(;A-Z<_a-z])G *43(?: *H *[0-9]+)?(?![.0-9])",
+    re.I,
+)
 
 
 @pytest.mark.parametrize("name", NAMES)

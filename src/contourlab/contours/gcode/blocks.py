@@ -23,7 +23,7 @@ _READ_G: dict[int, str] = {
     **dict.fromkeys((170, 180, 190), "plane"),
     **dict.fromkeys((200, 210), "units"),
     400: "cutter compensation",
-    490: "tool length",
+    **dict.fromkeys((430, 490), "tool length"),
     **dict.fromkeys((540, 550, 560, 570, 580, 590, 591, 592, 593), "coordinate system"),
     **dict.fromkeys((610, 611, 640), "path control"),
     80: "lathe diameter",
@@ -46,7 +46,7 @@ _REFUSED_G: dict[int, str] = {
     **dict.fromkeys((330, 331), "spindle-synchronised motion (G33)"),
     **dict.fromkeys((382, 383, 384, 385), "probing (G38)"),
     **dict.fromkeys((410, 411, 420, 421), "cutter compensation (G41, G42)"),
-    **dict.fromkeys((430, 431, 432), "tool length offsets (G43)"),
+    **dict.fromkeys((431, 432), "tool length offsets of their own (G43.1, G43.2)"),
     **dict.fromkeys((500, 510), "scaling (G50, G51)"),
     **dict.fromkeys((700, 710, 711, 712, 720, 721, 722), "lathe cycles (G70 to G72)"),
     **dict.fromkeys(
@@ -184,6 +184,8 @@ class Block:
             if tenths == 800:
                 return  # LinuxCNC lets the other motion word win over G80
         self.g[group] = (tenths, text)
+        if tenths == 430:
+            self.m_letters += "H"
         if tenths in _STILL_G:
             self.ignored.append(f"G{tenths // 10}")
             if tenths == 960:

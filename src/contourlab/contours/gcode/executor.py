@@ -48,6 +48,7 @@ class Executor:
         self._state, self._offsets = motion.state, motion.offsets
         self._splines = SplineMotion(motion)
         self._ignore, self._warn = ignore, warn
+        self._lengths_told = False
 
     def execute(self, block: Block) -> None:
         """Execute one block.
@@ -195,6 +196,12 @@ class Executor:
 
     # -- modes ----------------------------------------------------------------------------------
 
+    def _tool_length(self, word: str) -> None:
+        """There is no tool table: the path is that of the tool tip, which is what is cut."""
+        if not self._lengths_told:
+            self._lengths_told = True
+            self._warn(f"{word}: tool lengths are not known, the path is that of the tool's tip")
+
     def _modes(self, block: Block, motion: int | None) -> None:
         state, g = self._state, block.g
         other, text = g.get("non-modal", (0, ""))
@@ -202,6 +209,8 @@ class Executor:
             self._dwell(block)
         elif other == 530:
             self._check_machine_coordinates(block, motion, text)
+        if g.get("tool length", (0, ""))[0] == 430:
+            self._tool_length(g["tool length"][1])
         if "plane" in g:
             state.plane = PLANES[g["plane"][0]]
         if "units" in g:

@@ -3,7 +3,8 @@
 Read: G0 G1, G2 G3 with I J K (G90.1, G91.1) or R, helices and turns P, G4, G5 G5.1 G5.2 G5.3, polar
 coordinates @ ^, G10 L2 L20, G17 to G19, G20 G21, G52 to G59.3, G61 G61.1 G64, G90 to G94, F, M2
 M30, M70 to M73, M98 M99, o-words, parameters and expressions, comments, line numbers, block delete.
-Accepted because they change nothing here: G8 G40 G49 G80. Words that do not move the tool (S, T, M3
+Accepted because they change nothing here: G8 G40 G49 G80, and G43, the path being that of the
+tool's tip. Words that do not move the tool (S, T, M3
 to M9 and their like, N, G96 to G99) are listed in :attr:`Part.ignored`. Everything else that would
 move the tool, or change where it goes, is refused with file, line and word.
 
