@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solveh_banded
+from scipy.linalg import LinAlgError, solveh_banded
 
 from contourlab.feedrate.retiming import spline_values
 
@@ -40,7 +40,7 @@ _FIRST = 0.05
 _CENTRING, _LEAST_CENTRING = 0.5, 0.05
 _MOST_STEPS = 60
 _BOUNDARY = 0.98
-_RIDGE = 1e-14
+_RIDGES = (1e-14, 1e-11, 1e-8, 1e-5)
 _INSIDE = 0.9
 """The start takes this share of the limits that bind."""
 
@@ -131,7 +131,7 @@ def fastest_pace(points: Collocation, gap: float) -> Values:
     np.maximum.at(worst, points.stretch, points.mended_by(points.shares(steady)))
     iteration = _PrimalDual(points, (_INSIDE / worst)[points.coefficient_stretch])
     for _ in range(_MOST_STEPS):
-        if (iteration.gap() < gap * iteration.time()).all():
+        if iteration.stuck or (iteration.gap() < gap * iteration.time()).all():
             break
         iteration.step()
     return iteration.best
@@ -147,6 +147,7 @@ class _PrimalDual:
     def __init__(self, points: Collocation, x: Values) -> None:
         self.points, self.x, self.best = points, x, x.copy()
         self.least = np.full(points.n_stretches, np.inf)
+        self.stuck = False
         self.by_acceleration = (
             points.second / points.acceleration,
             0.5 * points.first / points.acceleration,
@@ -194,10 +195,9 @@ class _PrimalDual:
         mu = (self.centring * self.gap() / self.columns)[points.stretch][:, None]
         target = mu * points.barrier_weight[:, None]
         gradient, bands = self._newton(target / s, z / s)
-        bands[2] += _RIDGE * bands[2].max()
-        move = -solveh_banded(bands, gradient, check_finite=False)
+        move = _solved(bands, -gradient)
         if not np.isfinite(move).all():
-            self.centring[:] = 1.0
+            self.stuck = True
             return
         along = self._along(move)
         change = target / s - z - z / s * along
@@ -284,3 +284,19 @@ class _PrimalDual:
                 )
                 bands[2 - (m - k)] += np.bincount(points.interval + m, local, n)
         return gradient, bands
+
+
+def _solved(bands: Values, right: Values) -> Values:
+    """Return the solution of a symmetric system of five diagonals, scaled to a unit diagonal."""
+    scale = 1.0 / np.sqrt(np.maximum(bands[2], 1e-300))
+    scaled = bands * scale
+    scaled[1, 1:] *= scale[:-1]
+    scaled[0, 2:] *= scale[:-2]
+    for ridge in _RIDGES:  # what rounding has made indefinite gets a larger one
+        scaled[2] = 1.0 + ridge
+        try:
+            solution: Values = solveh_banded(scaled, right * scale, check_finite=False)
+        except LinAlgError:
+            continue
+        return solution * scale
+    return np.full_like(right, np.nan)

@@ -23,7 +23,7 @@ Values = NDArray[Any]
 
 COLUMNS = 700
 """The path is drawn in so many columns; each shows the limit that binds longest in it."""
-_HUES = {"velocity": 205, "acceleration": 22, "jerk": 285}
+_HUES = {"velocity": 205.0, "acceleration": 22.0, "jerk": 285.0}
 _PLAIN = {"feed": "#9fb8a5", "rest": "#1b1f24", "none": "#e1e5ea"}
 _SAID = {"feed": "programmed feed", "none": "none: speeding up or slowing down", "rest": "at rest"}
 _RAPID = 3.0
