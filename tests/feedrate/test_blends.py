@@ -84,3 +84,43 @@ def test_feed_overrides_and_rapids():
     for place in ([0.005, 0.005], [0.02, 0.02]):
         assert np.abs(stops - place).max(axis=1).min() < 1e-12
     assert_allclose(planned.reference.position[-1], [0.0, 0.0], atol=1e-12)
+
+
+def test_a_program_that_merges_to_one_line():
+    planned, _ = plan("G64 P0.1 Q0.05", moves="F600\nG1 X10\nX20\nM2\n")
+    assert planned.part.path.n_pieces == 1
+    assert_allclose(planned.reference.position[-1], [0.02, 0.0], atol=1e-15)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_limits_hold_on_random_programs_with_blends_and_splines(seed):
+    rng = np.random.default_rng(seed)
+    lines, place = ["F3000"], np.zeros(2)
+    for _ in range(12):
+        step = rng.uniform(-20, 20, 2)
+        kind = rng.integers(4)
+        x, y = place + step
+        if kind == 0:
+            lines.append(f"G0 X{x:.3f} Y{y:.3f}")
+        elif kind == 1:
+            i, j, p, q = rng.uniform(-8, 8, 4)
+            lines.append(f"G5 X{x:.3f} Y{y:.3f} I{i:.3f} J{j:.3f} P{p:.3f} Q{q:.3f}")
+        elif kind == 2:
+            r = 0.6 * np.linalg.norm(step)
+            lines.append(f"G{rng.integers(2, 4)} X{x:.3f} Y{y:.3f} R{r:.3f}")
+        else:
+            lines.append(f"G1 X{x:.3f} Y{y:.3f} F{rng.uniform(500, 9000):.0f}")
+        if rng.random() < 0.2:
+            lines.append("G4 P0.1")
+        place = place + step
+    limits = AxisLimits(velocity=[0.3, 0.4], acceleration=[4.0, 6.0], jerk=[150.0, 90.0])
+    planned, _ = plan(f"G64 P{rng.choice([0.02, 0.3])}", limits, "\n".join([*lines, "M2", ""]))
+    path = planned.part.path
+    t = np.sort(np.append(rng.uniform(0, planned.cycle_time, 40_000), planned.profile.time))
+    s, v, a, j = (x[:, None] for x in planned.profile.at(t))
+    r = arc_derivatives(contour_derivatives(path, s[:, 0]))
+    gap = np.abs(s - np.asarray(path.breaks)[None, :]).min(axis=1) > 1e-12
+    assert (np.abs(r[:, 0] * v) / [0.3, 0.4])[gap].max() <= 1 + 1e-7
+    assert (np.abs(r[:, 1] * v**2 + r[:, 0] * a) / [4.0, 6.0])[gap].max() <= 1 + 1e-7
+    jerk = r[:, 2] * v**3 + 3 * r[:, 1] * v * a + r[:, 0] * j
+    assert (np.abs(jerk) / [150.0, 90.0])[gap].max() <= 1 + 1e-6

@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 
 import contourlab.feedrate.refine as refining
 from contourlab.contours import Circle, Ellipse, Path
+from contourlab.errors import FeedError
 from contourlab.feedrate import AxisLimits, binding_limits, plan_feed
 
 EASY = AxisLimits(velocity=[1.0, 1.0], acceleration=[5.0, 5.0], jerk=[1e7, 1e7])
@@ -99,7 +100,7 @@ def test_never_slower_and_mostly_faster(contour, jerk):
     assert best.cycle_time < 0.99 * first.cycle_time
     assert_allclose(best.reference.position[-1], first.reference.position[-1], atol=1e-15)
     shares = binding_limits(best).shares()
-    assert shares.get("none", 0.0) < 0.45
+    assert shares.get("none", 0.0) < 0.55  # the switching of the jerk takes an interval
     assert_allclose(sum(shares.values()), 1.0)
 
 
@@ -122,7 +123,7 @@ def test_a_program_that_is_too_long_keeps_its_first_plan_and_says_so(monkeypatch
     plan = partial(plan_feed, path, limits=limits, sample_time=1e-3, feed=0.4)
     kept = plan()
     assert kept.cycle_time == plan(fastest=False).cycle_time
-    assert any("too long to plan all of it" in warning for warning in kept.warnings)
+    assert any("keep their first, slower plan" in warning for warning in kept.warnings)
 
 
 def test_rests_and_stops_are_kept():
@@ -159,3 +160,31 @@ def test_rests_and_stops_are_kept():
     # and instants are found again
     places = np.linspace(1e-4, s.max(), 50)
     assert_allclose(profile.at(profile.time_at(places))[0], places, atol=1e-12)
+
+
+@pytest.mark.parametrize("fastest", [False, True])
+def test_another_unit_of_time_gives_the_same_plan(fastest):
+    """Ten times the speed is a hundred times the acceleration and a thousand times the jerk."""
+    ellipse = Ellipse(semi_axes=(0.03, 0.01))
+    slow = AxisLimits(velocity=[0.5] * 2, acceleration=[5.0] * 2, jerk=[1e-3] * 2)
+    fast = AxisLimits(velocity=[5.0] * 2, acceleration=[500.0] * 2, jerk=[1.0] * 2)
+    plan = partial(plan_feed, ellipse, fastest=fastest)
+    long = plan(limits=slow, feed=0.2, sample_time=1e-3).cycle_time
+    short = plan(limits=fast, feed=2.0, sample_time=1e-4).cycle_time
+    assert_allclose(long, 10.0 * short, rtol=1e-6)
+    if fastest:
+        assert long < 0.5 * plan(limits=slow, feed=0.2, sample_time=1e-3, fastest=False).cycle_time
+
+
+def test_a_motion_that_takes_for_ever_is_refused_in_words():
+    limits = AxisLimits(velocity=[0.5] * 2, acceleration=[5.0] * 2, jerk=[100.0] * 2)
+    flat = Ellipse(semi_axes=(3e-2, 1e-7))
+    with pytest.raises(FeedError, match="samples"):
+        plan_feed(flat, limits=limits, sample_time=1e-3, feed=0.2)
+
+
+def test_stretches_that_cannot_be_solved_are_said(monkeypatch):
+    monkeypatch.setattr(refining.Stretch, "moves_on", lambda self: False)
+    limits = AxisLimits(velocity=[0.5, 0.6], acceleration=[5.0, 4.0], jerk=[100.0, 100.0])
+    plan = plan_feed(turn(0.004, np.pi / 2, 0.05), limits=limits, sample_time=1e-3, feed=0.4)
+    assert any(text.startswith("1 stretches between stops keep") for text in plan.warnings)

@@ -30,8 +30,8 @@ _END_PLACES = np.concatenate([np.arange(1, 24) / 12.0, [0.02, 0.04]])
 """Further places from both ends, in intervals: there the pace changes most."""
 _GRADING = 0.2
 """Intervals grow by no more than this share from one to the next."""
-_LEAST_SPEED = 1e-6
-"""Smallest speed of an own motion between its ends, in units of its mean."""
+_LEAST_SPEED = 1e-9
+"""Smallest speed of an own motion away from its ends, in units of its mean."""
 
 
 def graded_times(nodes: Values, spacing: Values, longest: float, fewest: int) -> Values:
@@ -106,7 +106,7 @@ class Stretch:
     def moves_on(self) -> bool:
         """Return whether the own motion goes forward everywhere between its ends."""
         speed = self.own.at(self.fine(8)[1:-1])[1]
-        return bool((speed[4:-4] > _LEAST_SPEED * speed.mean()).all() and (speed > 0.0).all())
+        return bool((speed > 0.0).all() and (speed[16:-16] > _LEAST_SPEED * speed.mean()).all())
 
 
 @dataclass(frozen=True, eq=False)

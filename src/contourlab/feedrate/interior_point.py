@@ -40,6 +40,8 @@ _FIRST = 0.05
 _CENTRING, _LEAST_CENTRING = 0.5, 0.05
 _MOST_STEPS = 60
 _BOUNDARY = 0.98
+_ROUNDING = 1e-13
+"""A slack is a difference of numbers about 1: less of it is rounding, and checked elsewhere."""
 _RIDGES = (1e-14, 1e-11, 1e-8, 1e-5)
 _INSIDE = 0.9
 """The start takes this share of the limits that bind."""
@@ -208,7 +210,7 @@ class _PrimalDual:
         self.x = self.x + primal[points.coefficient_stretch] * move
         self.multiplier = z + dual[points.stretch][:, None] * change
         self.values = self._values(self.x)
-        self.slack = self._slack(self.values)
+        self.slack = np.maximum(self._slack(self.values), _ROUNDING)
         good = np.minimum(primal, dual)
         self.centring = np.clip((1.0 - good) ** 2, _LEAST_CENTRING, 0.8)
         time = self.time()
@@ -298,5 +300,6 @@ def _solved(bands: Values, right: Values) -> Values:
             solution: Values = solveh_banded(scaled, right * scale, check_finite=False)
         except LinAlgError:
             continue
-        return solution * scale
+        scaled_back: Values = solution * scale
+        return scaled_back
     return np.full_like(right, np.nan)

@@ -33,7 +33,7 @@ from contourlab.contours.base import Contour
 from contourlab.contours.blending import BlendedPart
 from contourlab.contours.part import Part
 from contourlab.contours.path import Path
-from contourlab.errors import FeedError
+from contourlab.errors import FeedError, UnitError
 from contourlab.feedrate.arc_length import ArcLength, arc_derivatives, contour_derivatives
 from contourlab.feedrate.blends import asks_for_blends, blended_for_feed
 from contourlab.feedrate.limits import AxisLimits, positive, sample_count
@@ -51,6 +51,7 @@ from contourlab.feedrate.remarks import (
 )
 from contourlab.feedrate.segments import Segments, segments_of
 from contourlab.recordings.reference import Reference
+from contourlab.units import parse_quantity
 
 __all__ = ["Plan", "plan_feed", "programmed_feed"]
 
@@ -101,7 +102,7 @@ def programmed_feed(
     sample_time: float,
     feed: Any = None,
     rapid_feed: float | str | None = None,
-    corner_angle: float = CORNER_ANGLE,
+    corner_angle: float | str = CORNER_ANGLE,
     fastest: bool = True,
 ) -> Reference:
     """Return the reference of :func:`plan_feed`.
@@ -124,7 +125,7 @@ def plan_feed(
     sample_time: float,
     feed: Any = None,
     rapid_feed: float | str | None = None,
-    corner_angle: float = CORNER_ANGLE,
+    corner_angle: float | str = CORNER_ANGLE,
     fastest: bool = True,
 ) -> Plan:
     """Plan the programmed feed under limits of velocity, acceleration and jerk of every axis.
@@ -155,7 +156,7 @@ def plan_feed(
     rapid_feed
         Feed of rapids, as ``feed``; None leaves them to the velocity limits. Only for a part.
     corner_angle
-        Joints that turn by more are stopped at, 0 to π [rad].
+        Joints that turn by more are stopped at, 0 to π: a number in rad or a text with its unit.
     fastest
         Whether stretches with curves or several feeds are planned for the least time; otherwise
         they keep a first plan that is made at once, and on strongly curved paths slower.
@@ -170,7 +171,7 @@ def plan_feed(
         raise FeedError("limits is missing: the machine has no axis limits")
     program = program_of(contour, feed=feed, rapid_feed=rapid_feed)
     dt = positive(sample_time, "sample_time", "s")
-    angle = float(corner_angle)
+    angle = _angle(corner_angle)
     if not 0.0 <= angle <= np.pi:
         raise FeedError(f"corner_angle must be within 0 to pi rad, got {angle:g}")
     axis_limits = limits.for_axes(program.contour.n_axes)
@@ -222,6 +223,13 @@ def plan_feed(
         part=program.part,
         blends=blends,
     )
+
+
+def _angle(value: float | str) -> float:
+    try:
+        return parse_quantity(value, "angle") if isinstance(value, str) else float(value)
+    except (UnitError, TypeError, ValueError) as error:
+        raise FeedError(f"corner_angle must be an angle, got {value!r}: {error}") from None
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,8 +36,6 @@ _WORTH = 1.01
 _PER_CURVE = 6.0
 """Intervals, at least, in each curved piece of the path."""
 _FEWEST = 64
-_LONGEST = 0.01
-"""Longest interval [s]."""
 _ROUGHLY, _CLOSELY = 1e-2, 5e-4
 _KNOT = 2
 """Intervals of the pace to a piece of the own motion."""
@@ -81,6 +79,9 @@ def refine(
     for k in np.flatnonzero(_worth(motion, limits)).tolist():
         begin, arrive = motion.begins[k], motion.arrives[k]
         edges = _pieces(motion, k)
+        if took[k] / longest + _PER_CURVE * len(edges) > room:
+            left += 1
+            continue
         nodes = motion.profile.time_at(edges[1:-1]) - begin
         time = _grid(motion, k, np.concatenate([[0.0], nodes, [arrive - begin]]), longest)
         if len(time) > room:
@@ -89,8 +90,9 @@ def refine(
         room -= len(time)
         arc = motion.profile.at(begin + time[::_KNOT])[0]
         stretches.append(_stretch(k, arc, edges, time))
-    motion = replace(motion, left_as_planned=left)
+    asked = len(stretches)
     stretches, paces = _fastest(geometry, stretches, _ROUGHLY)
+    motion = replace(motion, left_as_planned=left + asked - len(stretches))
     again = [
         _anew(motion, stretch, pace, longest)
         for stretch, pace in zip(stretches, paces, strict=True)
@@ -130,7 +132,7 @@ def _worth(motion: Motion, limits: AxisLimits) -> Values:
 def _longest(limits: AxisLimits, sample_time: float) -> float:
     """Return the longest interval: a quarter of the time that acceleration needs to build up."""
     build_up = float(np.min(np.asarray(limits.acceleration) / np.asarray(limits.jerk)))
-    return min(_LONGEST, max(2.0 * sample_time, 0.25 * build_up))
+    return max(2.0 * sample_time, 0.25 * build_up)
 
 
 def _pieces(motion: Motion, number: int) -> Values:

@@ -19,7 +19,7 @@ __all__ = ["CurvatureJump", "axis_names", "blend_remarks", "curvature_jumps", "r
 Values = NDArray[Any]
 
 _NOTICED = 1e-9
-_SHOWN = 5
+_SHOWN, _LISTED = 5, 12
 _SMOOTH = 1e-6
 """Jumps of curvature below this share of that on both sides are rounding."""
 _REACHED = 0.999
@@ -192,14 +192,24 @@ def _jumps(motion: Motion, limits: AxisLimits) -> str:
     return (
         f"the curvature jumps at {len(edges)} joints that are passed without a stop: an axis "
         f"acceleration jumps by up to {steps[row, axis]:.3g} m/s^2 there ({place}), "
-        "within its limit; the jerk is not limited there"
+        f"within its limit; the jerk is not limited there{_lines(motion, edges)}"
     )
+
+
+def _lines(motion: Motion, edges: Values) -> str:
+    part = motion.program.part
+    if part is None:
+        return ""
+    lines = list(dict.fromkeys(part.source_line[motion.segments.piece[edges]].tolist()))
+    shown = ", ".join(map(str, lines[:_LISTED]))
+    more = len(lines) - _LISTED
+    return f"; they begin lines {shown}" + (f" and {more} more" if more > 0 else "")
 
 
 def _left_as_planned(motion: Motion) -> str:
     if not motion.left_as_planned:
         return ""
     return (
-        f"{motion.left_as_planned} stretches between stops keep their first, slower plan, because "
-        "the program is too long to plan all of it for the least time"
+        f"{motion.left_as_planned} stretches between stops keep their first, slower plan: there is "
+        "too much of them to plan for the least time, or the motion all but stands still"
     )

@@ -21,6 +21,7 @@ __all__ = ["FeedStrip", "feed_figure", "feed_strip", "said", "strip_svg"]
 
 Values = NDArray[Any]
 
+_FINER = 16
 COLUMNS = 700
 """The path is drawn in so many columns; each shows the limit that binds longest in it."""
 _HUES = {"velocity": 205.0, "acceleration": 22.0, "jerk": 285.0}
@@ -158,9 +159,15 @@ def _piece(plan: Plan, arc: Values) -> Values:
 
 
 def _programmed(plan: Plan, edges: Values) -> Values:
-    middle = 0.5 * (edges[1:] + edges[:-1])
-    feed = plan.feed[_piece(plan, middle)]
-    return np.where(np.isfinite(feed), feed, np.nan)
+    """Return the greatest programmed feed on the pieces that each column touches."""
+    fine = np.interp(
+        np.arange(_FINER * (len(edges) - 1) + 1) / _FINER, np.arange(len(edges)), edges
+    )
+    first, last = _piece(plan, edges[:-1]), _piece(plan, edges[1:] - 1e-12 * edges[-1])
+    feed = plan.feed[_piece(plan, 0.5 * (fine[1:] + fine[:-1]))].reshape(-1, _FINER)
+    few = np.maximum(plan.feed[first], plan.feed[last])
+    most = np.maximum(feed.max(axis=1), few)
+    return np.where(np.isfinite(most), most, np.nan)
 
 
 def _lines(plan: Plan, part: Part | None, arc: Values) -> Values:

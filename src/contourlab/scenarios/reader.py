@@ -184,9 +184,13 @@ def _build(
                    f"{controller} on machine {label}: " if len(machines) > 1 else "")  # fmt: skip
     loops = [
         Loop(
-            label, controller, machines[label], own[label], as_reference(planned[label]),
+            label,
+            controller,
+            machines[label],
+            own[label],
+            as_reference(planned[label]),
             disturbances,
-        )  # fmt: skip
+        )
         for label in machines
         for controller, own in controllers.items()
         if label in own

@@ -21,6 +21,7 @@ from contourlab.recordings.corners import (
 from contourlab.recordings.metrics import MetricValue
 from contourlab.recordings.recording import Recording
 from contourlab.recordings.reference import Reference
+from contourlab.simulation.blended_corners import blended_corners
 from contourlab.simulation.checks import as_reference
 from contourlab.simulation.draws import Listed, Variation
 from contourlab.simulation.pairing import ONLY, Controllers, named_controllers, pair_loops
@@ -121,7 +122,16 @@ class Comparison:
     def corners(self) -> dict[str, tuple[CornerPass, ...]]:
         """How each run takes the corners of the path, by run; empty if the path has none."""
         contour = self.reference.contour
-        corners = find_corners(contour, radius=self.corner_radius)
+        plan = next(iter(self.plans.values()), None)
+        corners = tuple(
+            sorted(
+                (
+                    *find_corners(contour, radius=self.corner_radius),
+                    *blended_corners(plan, self.part, self.corner_radius),
+                ),
+                key=lambda corner: corner.parameter,
+            )
+        )
         if not corners:
             return {}
         start, end = (float(bound) for bound in contour.domain)

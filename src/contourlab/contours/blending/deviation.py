@@ -196,7 +196,11 @@ class _Pair:
                 nearest = np.minimum(nearest, distance)
                 curving = 1.0 + np.sum(gap * curvature, axis=-1)
                 step = np.sum(gap * tangent, axis=-1) / np.maximum(curving, 0.3)
-                x = np.clip(x - step / length[:, None], least, least + 1.0)
+                with np.errstate(invalid="ignore", divide="ignore"):
+                    moved = step / length[:, None]
+                # a side of which nothing is cut away has no length and one point
+                moved = np.where(np.isfinite(moved), moved, 0.0)
+                x = np.clip(x - moved, least, least + 1.0)
             found.append(foot)
             best = np.minimum(best, nearest)
         return best, (found[0], found[1])

@@ -89,17 +89,17 @@ def merge_part(part: Part) -> tuple[Part, Merged | None]:
         Any part; without a field ``merge`` it is returned as it is.
     """
     tolerance = getattr(part, "merge", None)
-    if tolerance is None:
+    if tolerance is None or part.n_pieces < 2:
         return part, None
     tolerance = np.where(np.isnan(part.blend) | part.rapid, np.nan, tolerance)
+    if not (tolerance > 0.0).any():
+        return part, None
     apart = part.dwell[:-1] > 0.0
     for name, values in _arrays(part).items():
         if name not in _OWN:
             apart = apart | _differ(values[:-1], values[1:])
     if part.path.closed:
         apart = np.append(apart, True)
-    if not (tolerance > 0.0).any():
-        return part, None
     merged = merge_lines(part.path, tolerance=tolerance, apart=apart)
     done = np.full(merged.path.n_pieces, np.nan)  # once is enough: another pass would go farther
     return _mapped(part, merged.path, merged.piece_last, {"merge": done}), merged
