@@ -16,7 +16,9 @@ __all__ = ["DIMENSIONS", "parse_quantity", "to_um"]
 _LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "nm": 1e-9,
            "in": 0.0254, "inch": 0.0254}  # fmt: skip
 _TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "min": 60.0}
-_ANGLE = {"rad": 1.0, "deg": math.pi / 180.0}
+_DEGREE = math.pi / 180.0
+_ANGLE = {"rad": 1.0, "mrad": 1e-3, "urad": 1e-6, "µrad": 1e-6, "μrad": 1e-6, "deg": _DEGREE,
+          "arcmin": _DEGREE / 60.0, "arcsec": _DEGREE / 3600.0}  # fmt: skip
 _MASS = {"kg": 1.0, "g": 1e-3}
 _FORCE = {"N": 1.0, "kN": 1e3}
 _RATE = {"Hz": 1.0, "kHz": 1e3}
@@ -52,7 +54,7 @@ DIMENSIONS: dict[str, dict[str, float]] = {
 _SHOWN = {
     "length": "m, mm, um, in",
     "time": "s, ms, us, min",
-    "angle": "rad, deg",
+    "angle": "rad, mrad, urad, deg, arcmin, arcsec",
     "mass": "kg, g",
     "force": "N, kN",
     "frequency": "Hz, kHz",

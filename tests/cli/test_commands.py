@@ -143,8 +143,9 @@ def test_several_machines_and_values_that_vary(folder):
         assert r["corners"]["count"] >= 1
         assert set(r["corners"]["overshoot"]) == {"worst", "median", "line"}
     assert {p.name for p in (folder / "out").iterdir()} == {
-        "report.html", "path.png", "contour_error.png", "commands.png", "summary.png",
-        "spread.png", "slow_on_a.nc", "fast_on_a.nc", "slow_on_b_c.nc", "fast_on_b_c.nc",
+        "report.html", "path.png", "contour_error.png", "commands.png", "feed.png",
+        "summary.png", "spread.png", "slow_on_a.nc", "fast_on_a.nc", "slow_on_b_c.nc",
+        "fast_on_b_c.nc",
     }  # fmt: skip
     run = contourlab(folder, "simulate", "s.toml", "--controller", "slow", "--json")
     assert run.returncode == 2
@@ -153,7 +154,11 @@ def test_several_machines_and_values_that_vary(folder):
         folder, "simulate", "s.toml", "--machine", "b c", "--controller", "slow", "--json"
     )
     assert run.returncode == 0, run.stderr
-    assert json.loads(run.stdout)["metrics"] == result["runs"][2]["metrics"]
+    single = json.loads(run.stdout)
+    assert single["metrics"] == result["runs"][2]["metrics"]
+    assert "[vary] is for compare" in single["warnings"][0]
+    run = contourlab(folder, "simulate", "s.toml", "--machine", "a", "--controller", "slow")
+    assert run.stderr.count("warning: [vary] is for compare") == 1
     run = contourlab(folder, "compare", "s.toml")
     assert run.returncode == 0, run.stderr
     assert "on b c" in run.stdout

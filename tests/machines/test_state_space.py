@@ -1,5 +1,6 @@
 """Identified state spaces, and systems of python-control both ways."""
 
+import inspect
 import math
 import sys
 
@@ -275,6 +276,12 @@ def test_wrong_systems_are_named(monkeypatch):
         ConfigurationError, match=r"must be a TransferFunction or StateSpace .* int"
     ):
         from_control(3)
+    for systems in ("abc", b"abc", ["abc"], [[SYSTEMS["tf"]]]):
+        with pytest.raises(ConfigurationError, match=r"TransferFunction or StateSpace .* got"):
+            from_control(systems)
+    words = "one input and one output each, got 2 and 2 at position 1"
+    with pytest.raises(ConfigurationError, match=words):
+        from_control([SYSTEMS["tf"], SYSTEMS["mimo tf"]])
     with pytest.raises(ConfigurationError, match="dt is True"):
         from_control(control.tf([1.0], [1.0, -1.0], True))
     with pytest.raises(ConfigurationError, match="improper"):
@@ -286,6 +293,13 @@ def test_wrong_systems_are_named(monkeypatch):
         to_control(m, side="table")
     with pytest.raises(ConfigurationError, match=r"identified at 0.001 s .* got 0.002 s"):
         to_control(m, sample_time=2e-3)
+    for period in (-1.0, 0.0, math.nan, math.inf):
+        with pytest.raises(ConfigurationError, match="sample_time must be > 0 s, got"):
+            to_control(m, sample_time=period)
+    untyped = inspect.unwrap(to_control)  # as outside tests, where no annotation is checked
+    for period in ("1 ms", "0.001", True, [T]):
+        with pytest.raises(ConfigurationError, match="sample_time must be > 0 s, got"):
+            untyped(m, sample_time=period)
     monkeypatch.setitem(sys.modules, "control", None)
     with pytest.raises(ConfigurationError, match=r"optional extra control.*contourlab\[control\]"):
         from_control(3)

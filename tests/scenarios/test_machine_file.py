@@ -158,7 +158,7 @@ def every_field():
         tool=LinearTool(matrix=np.array(((1.0, 0.1),))),
         errors=GeometricErrors(
             screw=PositionError(scale=(1e-5, 2e-5)),
-            scale=PositionError(amplitude=1e-7, period=2e-5, phase=0.3),
+            scale=PositionError(amplitude=(1e-7, 0.0), period=2e-5, phase=0.3),
             squareness=(Squareness(axes=("Y", "X"), angle=1e-4 / 3),),
         ),
         travel=((-np.inf, 0.3), (-0.1, np.inf)),
@@ -299,7 +299,8 @@ MISTAKES = {
                            r"axis\[0\].ball_screw.dampin_ratio", "mean damping_ratio?"),
     "no unit": ('lead = "10 mm"', "lead = 0.01", r"axis\[0\].ball_screw.lead", "has no unit"),
     "wrong unit": ('"4 um"', '"4 ms"', r"axis\[0\].ball_screw.backlash", "not one of length"),
-    "out of bounds": ("motor_inertia_kg_m2 = 12e-4", "motor_inertia_kg_m2 = -1", "axis",
+    "out of bounds": ("motor_inertia_kg_m2 = 12e-4", "motor_inertia_kg_m2 = -1",
+                      r"axis\[0\].ball_screw.motor_inertia_kg_m2",
                       "motor_inertia must be >= 0"),
     "given for one only": ("torque_constant_n_m_per_a = 1.2\namp", "amp", r"axis\[0\]",
                            "must be for all"),
@@ -314,6 +315,21 @@ MISTAKES = {
                      "'tool' or 'motor'"),
     "half the limits": ('jerk_limit = "50 m/s^3"\n', "", r"axis\[0\]", "jerk_limit is missing"),
     "a file in a file": ('title = "A mill"', 'file = "b.toml"', "file", "does not name another"),
+    "backlash": ('"4 um"', '"-4 um"', r"axis\[0\].ball_screw.backlash", "must be >= 0"),
+    "lead": ('lead = "0.5 in"', 'lead = "0 in"', r"axis\[1\].ball_screw.lead", "must be > 0"),
+    "command limit": ("coulomb = 200.0\ncommand_limit = 10.0", "command_limit = -1.0",
+                      r"axis\[1\].command_limit", "must be > 0"),
+    "travel": ('["0 mm", "500 mm"]', '["500 mm", "0 mm"]', r"axis\[0\].travel", "lower < upper"),
+    "one end": ('["unlimited", "400 mm"]', '["400 mm"]', r"axis\[1\].travel", "a lower and an"),
+    "cogging": ('"0.8333 mm"', '"0 mm"', r"axis\[0\].cogging\[0\].period", "must be > 0"),
+    "inner friction": ("coulomb = 0.5", "coulomb = -0.5",
+                       r"axis\[0\].ball_screw.motor_friction.coulomb", "must be >= 0"),
+    "own friction": ("coulomb = 200.0", "coulomb = -1", r"axis\[1\].coulomb", "must be >= 0"),
+    "screw error": ("scale = 2e-5", "scale = 0.5", r"axis\[0\].screw_error.scale", "not a gear"),
+    "resolution": ('"0.1 um"', '"-1 um"', r"axis\[0\].resolution", "must be >= 0"),
+    "limits": ('"3 m/s^2"', '"0 m/s^2"', r"axis\[1\].acceleration_limit", "must be > 0"),
+    "scale on the motor": ("[axis.screw_error]", "[axis.scale_error]", r"axis\[0\].scale_error",
+                           "a linear scale, which an axis with measured = \"motor\" does not"),
     "no TOML": ("[[axis]]", "[[axis", "", "not valid TOML"),
 }  # fmt: skip
 
@@ -332,6 +348,34 @@ def test_the_line_is_the_right_one():
         read_machine_text(text, name="mill.toml")
     assert caught.value.line == line
     assert caught.value.key == "axis[0].coulom"
+
+
+@pytest.mark.parametrize("key", ["measured", "velocity_measured"])
+def test_a_motor_side_that_changes_nothing_is_refused(key):
+    text = f'command = "force"\n[[axis]]\nname = "X"\nmass = 1.0\n{key} = "motor"\n'
+    with pytest.raises(ScenarioError, match=rf"^m:5: axis\[0\]\.{key}: .* changes nothing") as told:
+        read_machine_text(text, name="m")
+    assert told.value.line == 5
+    assert read_machine_text(text + "screw_error = {scale = 1e-5}\n").errors is not None
+    other = {"measured": "velocity_measured", "velocity_measured": "measured"}[key]
+    scale = f'{other} = "tool"\nscale_error = {{scale = 1e-5}}\n'
+    assert read_machine_text(text + scale).errors is not None
+
+
+@pytest.mark.parametrize(
+    ("angle", "radians"),
+    [
+        ("20 arcsec", np.radians(20 / 3600)), ("0.5 arcmin", np.radians(0.5 / 60)),
+        ("0.03 mrad", 3e-5), ("12 urad", 1.2e-5), ("12 \u00b5rad", 1.2e-5),
+        ("12 \u03bcrad", 1.2e-5),
+    ],
+    ids=["arcsec", "arcmin", "mrad", "urad", "micro sign", "mu"],
+)  # fmt: skip
+def test_squareness_is_written_as_on_data_sheets(angle, radians):
+    mill = read_machine_text(mended("0.002 deg", angle))
+    assert_allclose(mill.errors.squareness[0].angle, radians, rtol=1e-14)
+    with pytest.raises(ScenarioError, match="rad, mrad, urad, deg, arcmin, arcsec"):
+        read_machine_text(mended("0.002 deg", "1 grad"))
 
 
 def section(**values):
@@ -461,3 +505,14 @@ def test_the_page_names_keys_that_exist():
         known |= set(section_class.model_fields)
     assert len(named) > 15
     assert named <= known, named - known
+
+
+def test_a_side_without_effect_is_not_written():
+    """The reader refuses it, and the machine behaves the same without."""
+    machine = Machine(
+        names=("X",), dynamics=RigidAxes(mass=[2.0], viscous=[1.0]),
+        drive=Drive(command="force"), sensor=Encoder(resolution=1e-6, side="motor"),
+    )  # fmt: skip
+    text = machine_to_toml(machine)
+    assert "measured" not in text
+    assert read_machine_text(text).dynamics.mass == 2.0

@@ -229,6 +229,11 @@ resolution = { values = ["1 um", "2 um"] }
         ('samples = 12\n"machine.mill.mass" = [1.0]', "need one for each sample"),
         ('samples = 1\n"machine.mill.mass" = [1.0]\n"machine.mass" = { relative = 0.2 }',
          "machine.mass and machine.mill.mass name the same value"),
+        ('"machine.mass" = { values = [[1.0, 2.0], [1.0]] }',
+         r"s\.toml:\d+: vary\.machine\.mass: listed values must all be numbers, or"),
+        ('samples = 2\n"disturbances.0.amplitude" = { std = 2.0 }',
+         "there is no disturbance here$"),
+        ('samples = 2\n"machine.limits.velocity" = { relative = 0.1 }', "limits cannot vary"),
     ],
     ids=lambda value: None if value is None else value[-28:],
 )  # fmt: skip

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from contourlab.errors import SimulationError
+from contourlab.machines import Friction, RigidAxes
 from contourlab.simulation import Listed, Normal, Uniform, Variation
 
 from .loops import Proportional, velocity_stage
@@ -134,6 +135,22 @@ def test_names_limit_a_path():
         ({"machine.gain": Listed(values_of=[[1, 2, 3]])}, {}, "lanes of shape"),
         ({"machine.command_limit": Uniform(relative=0.1)}, {"samples": 3}, "is not finite here"),
         ({"machine.resolution": Uniform(relative=0.1)}, {"samples": 3}, "is 0 here"),
+        (
+            {"machine.mass": Uniform(relative=0.1), "machine.dynamics.mass": Uniform(relative=0.2)},
+            {"samples": 3},
+            r"machine\.dynamics\.mass and machine\.mass name the same value",
+        ),
+        ({"machine.limits.velocity": Uniform(relative=0.1)}, {"samples": 3}, "limits cannot vary"),
+        (
+            {"disturbances.0.amplitude": Normal(absolute=2.0)},
+            {"samples": 3},
+            "there is no disturbance here$",
+        ),
+        (
+            {"machine.mass": Listed(values_of=[[1.0, 2.0], [3.0, -4.0], [-5.0, 6.0]])},
+            {},
+            r"got -4 \(sample 1 of 0 to 2: machine\.mass = \[3, -4\]\)$",
+        ),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
@@ -159,3 +176,36 @@ def test_a_change_is_one_thing():
         Uniform(between=(2.0, 1.0))
     with pytest.raises(SimulationError, match="must not be empty"):
         Listed(values_of=[])
+    for wrong in ([[1.0, 2.0], [1.0]], [[1.0, 2.0], 1.0], ["a"]):
+        with pytest.raises(SimulationError, match="listed values must"):
+            Listed(values_of=wrong)
+
+
+def test_a_sample_out_of_bounds_by_several_values_names_those():
+    machine = velocity_stage(dynamics=RigidAxes(
+        mass=[0.01, 0.02], viscous=[1.0, 1.0], gain=[1.0, 1.0],
+        friction=Friction(coulomb=[1.0, 1.0], breakaway=[2.0, 2.0]),
+    ))  # fmt: skip
+    changes = {
+        "machine.mass": Uniform(relative=0.1),
+        "machine.coulomb": Listed(values_of=[1.0, 1.0, 1.9]),
+        "machine.breakaway": Listed(values_of=[2.0, 2.5, 1.5]),
+    }
+    with pytest.raises(SimulationError, match="sample 2 of 0 to 2: ") as caught:
+        lanes(changes, machine=machine)
+    assert "(sample 2 of 0 to 2: machine.coulomb = 1.9, machine.breakaway = 1.5)" in str(
+        caught.value
+    )
+    assert "\n" not in str(caught.value)
+
+
+def test_a_label_like_a_field_is_ambiguous():
+    change = {"machine.dynamics.mass": Uniform(relative=0.1)}
+    every = (("dynamics", "mill"), ("law",))
+    for name in every[0]:
+        with pytest.raises(SimulationError, match=r"labelled .* of every machine; rename"):
+            lanes(change, names=(name, "law"), every=every, samples=3)
+    named = {"machine.dynamics.dynamics.mass": Uniform(relative=0.1)}
+    assert "machine.dynamics.mass" in lanes(
+        named, names=("dynamics", "law"), every=every, samples=3
+    )

@@ -151,13 +151,17 @@ def simulate(
         )
     if output is not None:
         write_recording(recording, output, force=force)
+    ignored = []
+    if ready.variation is not None:
+        ignored = ["[vary] is for compare; this run has the nominal values"]
     if as_json:
-        _print_json(run_json(recording))
+        result = run_json(recording)
+        _print_json({**result, "warnings": [*ignored, *result["warnings"]]})
         return
     from rich.console import Console
 
     Console().print(comparison_table(Comparison({name: recording}, setup.reference, setup.machine)))
-    _say(recording.warnings)
+    _say([*ignored, *recording.warnings])
     if output is not None:
         typer.echo(f"recording: {output}")
 

@@ -6,6 +6,7 @@ called.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, Literal
 
@@ -57,8 +58,20 @@ def from_control(
         without a sample time; or axes that are refused (unstable, not causal, not square).
     """
     control = _control()
-    if isinstance(systems, Sequence):
-        return StateSpaceAxes.per_axis([from_control(one, output=output) for one in systems])
+    if not isinstance(systems, Sequence) or isinstance(systems, str | bytes):
+        return _axes(control, systems, output)
+    models = [_axes(control, one, output) for one in systems]
+    for k, one in enumerate(systems):
+        if (one.ninputs, one.noutputs) != (1, 1):
+            raise ConfigurationError(
+                "systems of a sequence must have one input and one output each, got "
+                f"{one.ninputs} and {one.noutputs} at position {k}"
+            )
+    return StateSpaceAxes.per_axis(models)
+
+
+def _axes(control: Any, systems: Any, output: Literal["position", "velocity"]) -> StateSpaceAxes:
+    """Axes from one system, whatever the number of its inputs."""
     if isinstance(systems, control.TransferFunction):
         system = _realised(control, systems)
     elif isinstance(systems, control.StateSpace):
@@ -153,14 +166,16 @@ def to_control(
     Raises
     ------
     ConfigurationError
-        python-control is not installed; no such axis; or a discrete model is asked for at another
-        sample time.
+        python-control is not installed; no such axis; a sample time that is no positive number; or
+        a discrete model is asked for at another sample time.
     """
     control = _control()
     if side not in SIDES:
         raise ConfigurationError(f"unknown side {side!r}; {choices(side, SIDES)}")
     if axis is not None and axis not in machine.names:
         raise ConfigurationError(f"no axis {axis!r}; {choices(axis, machine.names)}")
+    if sample_time is not None:
+        sample_time = _period(sample_time)
     model = machine.dynamics.linear(machine.n_axes)
     a, b = np.asarray(model.state), np.asarray(model.input)
     c = np.asarray(model.output if side == "tool" else model.motor_output)
@@ -176,6 +191,17 @@ def to_control(
         a, b, c, np.zeros((len(c), b.shape[1])), time or 0, inputs=[f"command {n}" for n in names],
         outputs=[f"position {n}" for n in names], remove_useless_states=False,
     )  # fmt: skip
+
+
+def _period(value: Any) -> float:
+    refused = isinstance(value, bool | str | bytes)
+    try:
+        period = math.nan if refused else float(value)
+    except (TypeError, ValueError):
+        period = math.nan
+    if not 0.0 < period < math.inf:
+        raise ConfigurationError(f"sample_time must be > 0 s, got {value!r}")
+    return period
 
 
 def _held(

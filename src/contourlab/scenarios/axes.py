@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from contourlab.errors import ConfigurationError
-from contourlab.feedrate import AxisLimits
 from contourlab.machines import (
     BallScrewAxes,
     Cogging,
@@ -29,13 +29,15 @@ from contourlab.scenarios.machine_schema import (
     AxisSection,
     FrictionSection,
     MachineSection,
+    PositionErrorSection,
     StateSpaceSection,
 )
+from contourlab.scenarios.refusal import inner, located
 from contourlab.scenarios.values import KeyedError, at
 
-__all__ = ["dynamics_of", "errors_of", "limits_of", "nominal_of", "sensor_of", "travel_of"]
+__all__ = ["all_or_none", "dynamics_of", "errors_of", "nominal_of", "sensor_of"]
 
-Axes = list[AxisSection]
+Axes = Sequence[AxisSection]
 
 
 def dynamics_of(section: MachineSection) -> Dynamics:
@@ -62,7 +64,8 @@ def dynamics_of(section: MachineSection) -> Dynamics:
                 ("machine", "axis", k),
                 f"axes by {_WORDS[kinds[0]]} and axes by {_WORDS[kind]} cannot be mixed",
             )
-    return _BUILDERS[kinds[0]](axes)
+    with at("machine", "axis"):
+        return _BUILDERS[kinds[0]](axes)
 
 
 _WORDS: dict[str | None, str] = {
@@ -81,7 +84,23 @@ def _filled(values: Sequence[Any], default: Any) -> list[Any] | None:
     return [default if value is None else value for value in values]
 
 
-def _all_or_none(axes: Axes, name: str, values: Sequence[Any]) -> list[Any] | None:
+def all_or_none(axes: Axes, name: str, values: Sequence[Any]) -> list[Any] | None:
+    """Return values that are given for all axes, None if they are for none.
+
+    Parameters
+    ----------
+    axes
+        Of the machine.
+    name
+        Of the values, for messages.
+    values
+        One per axis, None where it is not given.
+
+    Raises
+    ------
+    KeyedError
+        Given for some axes only; says which one lacks it.
+    """
     given = [value is not None for value in values]
     if any(given) and not all(given):
         k = given.index(False)
@@ -92,8 +111,12 @@ def _all_or_none(axes: Axes, name: str, values: Sequence[Any]) -> list[Any] | No
     return list(values) if any(given) else None
 
 
-def _friction(sections: Sequence[AxisSection | FrictionSection | None]) -> Friction | None:
-    """The friction of all axes: zero where an axis has none; None if no axis has any."""
+def _friction(axes: Axes, *path: str) -> Friction | None:
+    """The friction at a path of all axes: zero where one has none; None if no axis has any."""
+    return located(axes, lambda some: _friction_of([inner(axis, path) for axis in some]), *path)
+
+
+def _friction_of(sections: Sequence[AxisSection | FrictionSection | None]) -> Friction | None:
     given = [s or FrictionSection(coulomb=0.0) for s in sections]
     if not any(s.coulomb or s.coulomb_backward or s.breakaway for s in given):
         return None
@@ -116,96 +139,104 @@ def _friction(sections: Sequence[AxisSection | FrictionSection | None]) -> Frict
 def _cogging(axes: Axes) -> tuple[Cogging, ...]:
     """One harmonic for each row; axes with fewer harmonics have zeros in the others."""
     count = max(len(axis.cogging) for axis in axes)
-    harmonics = []
-    for k in range(count):
-        rows = [axis.cogging[k] if k < len(axis.cogging) else None for axis in axes]
-        harmonics.append(
-            Cogging(
-                amplitude=[0.0 if row is None else row.amplitude for row in rows],
-                period=[1.0 if row is None else row.period for row in rows],
-                phase=[0.0 if row is None else row.phase for row in rows],
-            )
+
+    def harmonic(k: int, some: Axes) -> Cogging:
+        rows = [inner(axis, ("cogging", k)) for axis in some]
+        return Cogging(
+            amplitude=[0.0 if row is None else row.amplitude for row in rows],
+            period=[1.0 if row is None else row.period for row in rows],
+            phase=[0.0 if row is None else row.phase for row in rows],
         )
-    return tuple(harmonics)
+
+    return tuple(located(axes, partial(harmonic, k), "cogging", k) for k in range(count))
 
 
 def _rigid(axes: Axes) -> Dynamics:
-    with at("machine", "axis"):
-        return RigidAxes(
-            mass=[axis.mass or 0.0 for axis in axes],
-            viscous=[axis.viscous for axis in axes],
-            gain=[axis.gain for axis in axes],
-            friction=_friction(axes), cogging=_cogging(axes),
-        )  # fmt: skip
+    return located(
+        axes,
+        lambda some: RigidAxes(
+            mass=[axis.mass or 0.0 for axis in some],
+            viscous=[axis.viscous for axis in some],
+            gain=[axis.gain for axis in some],
+            friction=_friction(some), cogging=_cogging(some),
+        ),
+    )  # fmt: skip
 
 
 def _transfer_function(axes: Axes) -> Dynamics:
-    with at("machine", "axis"):
-        return TransferFunctionAxes(
-            numerators=tuple(axis.numerator or () for axis in axes),
-            denominators=tuple(axis.denominator or () for axis in axes),
-        )
+    return located(
+        axes,
+        lambda some: TransferFunctionAxes(
+            numerators=tuple(axis.numerator or () for axis in some),
+            denominators=tuple(axis.denominator or () for axis in some),
+        ),
+    )
 
 
 def _two_mass(axes: Axes) -> Dynamics:
+    return located(axes, _two_mass_of, "two_mass")
+
+
+def _two_mass_of(axes: Axes) -> Dynamics:
     names = ("motor_mass", "load_mass", "stiffness", "damping", "motor_viscous", "load_viscous",
              "gain")  # fmt: skip
     ones: list[dict[str, Any]] = []
-    for k, axis in enumerate(axes):
+    for axis in axes:
         own = axis.two_mass
         assert own is not None
         common: dict[str, Any] = {
             name: getattr(own, name) for name in ("motor_viscous", "load_viscous", "gain")
         }
-        with at("machine", "axis", k, "two_mass"):
-            if own.stiffness is None:
-                one = TwoMassAxes.by_frequency(
-                    mass=own.mass or 0.0, mass_ratio=own.mass_ratio or 0.0,
-                    anti_resonance_hz=own.anti_resonance_hz or 0.0,
-                    damping_ratio=own.damping_ratio or 0.0, **common,
-                )  # fmt: skip
-            else:
-                one = TwoMassAxes(
-                    motor_mass=own.motor_mass or 0.0, load_mass=own.load_mass or 0.0,
-                    stiffness=own.stiffness, damping=own.damping or 0.0, **common,
-                )  # fmt: skip
+        if own.stiffness is None:
+            one = TwoMassAxes.by_frequency(
+                mass=own.mass or 0.0, mass_ratio=own.mass_ratio or 0.0,
+                anti_resonance_hz=own.anti_resonance_hz or 0.0,
+                damping_ratio=own.damping_ratio or 0.0, **common,
+            )  # fmt: skip
+        else:
+            one = TwoMassAxes(
+                motor_mass=own.motor_mass or 0.0, load_mass=own.load_mass or 0.0,
+                stiffness=own.stiffness, damping=own.damping or 0.0, **common,
+            )  # fmt: skip
         ones.append({name: float(np.asarray(getattr(one, name))) for name in names})
     parts = [axis.two_mass for axis in axes]
-    with at("machine", "axis"):
-        return TwoMassAxes(
-            **{name: [one[name] for one in ones] for name in names},
-            motor_friction=_friction([p.motor_friction if p else None for p in parts]),
-            load_friction=_friction(axes),
-            backlash=_filled([p.backlash if p else None for p in parts], 0.0),
-            cogging=_cogging(axes),
-        )
+    return TwoMassAxes(
+        **{name: [one[name] for one in ones] for name in names},
+        motor_friction=_friction(axes, "two_mass", "motor_friction"),
+        load_friction=_friction(axes),
+        backlash=_filled([p.backlash if p else None for p in parts], 0.0),
+        cogging=_cogging(axes),
+    )
 
 
 def _ball_screw(axes: Axes) -> Dynamics:
+    return located(axes, _ball_screw_of, "ball_screw")
+
+
+def _ball_screw_of(axes: Axes) -> Dynamics:
     parts = [axis.ball_screw for axis in axes]
 
     def column(name: str) -> list[Any]:
         return [getattr(part, name) for part in parts]
 
     return_all = {
-        field: _all_or_none(axes, f"ball_screw.{key}", column(key))
+        field: all_or_none(axes, f"ball_screw.{key}", column(key))
         for field, key in (
             ("torque_constant", "torque_constant_n_m_per_a"),
             ("stiffness", "stiffness_n_per_m"),
             ("damping_ratio", "damping_ratio"),
         )
     }
-    with at("machine", "axis"):
-        return BallScrewAxes(
-            lead=column("lead"), motor_inertia=column("motor_inertia_kg_m2"),
-            screw_inertia=column("screw_inertia_kg_m2"), table_mass=column("table_mass_kg"),
-            motor_viscous=column("motor_viscous_n_m_s"),
-            table_viscous=column("table_viscous_n_s_per_m"),
-            amplifier_gain=_filled(column("amplifier_gain_a_per_v"), 1.0),
-            backlash=_filled(column("backlash"), 0.0),
-            motor_friction=_friction(column("motor_friction")), table_friction=_friction(axes),
-            cogging=_cogging(axes), **return_all,
-        )  # fmt: skip
+    return BallScrewAxes(
+        lead=column("lead"), motor_inertia=column("motor_inertia_kg_m2"),
+        screw_inertia=column("screw_inertia_kg_m2"), table_mass=column("table_mass_kg"),
+        motor_viscous=column("motor_viscous_n_m_s"),
+        table_viscous=column("table_viscous_n_s_per_m"),
+        amplifier_gain=_filled(column("amplifier_gain_a_per_v"), 1.0),
+        backlash=_filled(column("backlash"), 0.0),
+        motor_friction=_friction(axes, "ball_screw", "motor_friction"),
+        table_friction=_friction(axes), cogging=_cogging(axes), **return_all,
+    )  # fmt: skip
 
 
 def _state_space(section: StateSpaceSection) -> StateSpaceAxes:
@@ -223,8 +254,7 @@ def _state_spaces(axes: Axes) -> Dynamics:
             model = _state_space(axis.state_space)
             model.check_axes(1)
             models.append(model)
-    with at("machine", "axis"):
-        return StateSpaceAxes.per_axis(models)
+    return StateSpaceAxes.per_axis(models)
 
 
 _BUILDERS: dict[str | None, Callable[[Axes], Dynamics]] = {
@@ -243,8 +273,39 @@ def sensor_of(section: MachineSection) -> Encoder:
     ----------
     section
         ``[machine]``, with axes.
+
+    Raises
+    ------
+    KeyedError
+        A side or an error of a scale that would change nothing.
     """
-    axes = section.axis or []
+    for k, axis in enumerate(section.axis or []):
+        _check_sides(k, axis)
+    return located(section.axis or [], lambda some: _encoder(section, some))
+
+
+def _check_sides(k: int, axis: AxisSection) -> None:
+    sides = {"measured": axis.measured, "velocity_measured": axis.velocity_measured}
+    scale = axis.scale_error or PositionErrorSection()
+    shown = "tool" in (axis.measured, axis.velocity_measured)
+    if (scale.scale or scale.amplitude) and not shown:
+        raise KeyedError(
+            ("machine", "axis", k, "scale_error"),
+            f"axis {axis.name}: scale_error is of a linear scale, which an axis with measured = "
+            '"motor" does not have; give measured = "tool" or remove it',
+        )
+    one_side = axis.screw_error is None and not (axis.scale_error and shown)
+    if axis.kind == "mass" and one_side:
+        for name, side in sides.items():
+            if side == "motor":
+                raise KeyedError(
+                    ("machine", "axis", k, name),
+                    f'axis {axis.name}: {name} = "motor" changes nothing on a rigid axis without '
+                    "screw_error; give screw_error, two_mass or ball_screw, or remove it",
+                )
+
+
+def _encoder(section: MachineSection, axes: Axes) -> Encoder:
     noise = [axis.noise for axis in axes]
     sides: Any = tuple(axis.measured for axis in axes)
     rates: Any = tuple(axis.velocity_measured or axis.measured for axis in axes)
@@ -271,12 +332,7 @@ def errors_of(section: MachineSection) -> GeometricErrors | None:
         rows = [getattr(axis, name) for axis in axes]
         if all(row is None for row in rows):
             return None
-        return PositionError(
-            scale=[0.0 if row is None else row.scale for row in rows],
-            amplitude=[0.0 if row is None else row.amplitude for row in rows],
-            period=[1.0 if row is None or row.period is None else row.period for row in rows],
-            phase=[0.0 if row is None else row.phase for row in rows],
-        )
+        return located(axes, partial(_position_error, name), name)
 
     pairs: list[Squareness] = []
     for k, pair in enumerate(section.squareness):
@@ -292,6 +348,16 @@ def errors_of(section: MachineSection) -> GeometricErrors | None:
     return errors
 
 
+def _position_error(name: str, axes: Axes) -> PositionError:
+    rows = [getattr(axis, name) or PositionErrorSection() for axis in axes]
+    return PositionError(
+        scale=[row.scale for row in rows],
+        amplitude=[row.amplitude for row in rows],
+        period=[1.0 if row.period is None else row.period for row in rows],
+        phase=[row.phase for row in rows],
+    )
+
+
 def nominal_of(section: MachineSection) -> NominalModel | None:
     """Return what laws are told instead of the truth, None if it is not given.
 
@@ -301,10 +367,13 @@ def nominal_of(section: MachineSection) -> NominalModel | None:
         ``[machine]``, with axes.
     """
     axes = section.axis or []
-    rows = _all_or_none(axes, "nominal", [axis.nominal for axis in axes])
-    if rows is None:
+    if all_or_none(axes, "nominal", [axis.nominal for axis in axes]) is None:
         return None
-    assert section.command is not None
+    return located(axes, lambda some: _nominal(section.command, some), "nominal")
+
+
+def _nominal(command: Any, axes: Axes) -> NominalModel:
+    rows: list[Any] = [axis.nominal for axis in axes]
     return NominalModel(
         mass=np.array([row.mass for row in rows]),
         viscous=np.array([row.viscous for row in rows]),
@@ -313,38 +382,5 @@ def nominal_of(section: MachineSection) -> NominalModel | None:
         command_limit=np.array(
             [math.inf if row.command_limit is None else row.command_limit for row in rows]
         ),
-        command=section.command,
+        command=command,
     )
-
-
-def limits_of(axes: Axes) -> AxisLimits | None:
-    """Return what planning may ask, None if it is not given.
-
-    Parameters
-    ----------
-    axes
-        Of the machine.
-    """
-    rows = _all_or_none(axes, "velocity_limit", [axis.velocity_limit for axis in axes])
-    if rows is None:
-        return None
-    return AxisLimits(
-        velocity=np.array([axis.velocity_limit for axis in axes]),
-        acceleration=np.array([axis.acceleration_limit for axis in axes]),
-        jerk=np.array([axis.jerk_limit for axis in axes]),
-    )
-
-
-def travel_of(axes: Axes) -> list[list[float]]:
-    """Return lower and upper end of every axis [m].
-
-    Parameters
-    ----------
-    axes
-        Of the machine.
-    """
-    ends = []
-    for axis in axes:
-        low, high = axis.travel or [math.nan, math.nan]
-        ends.append([-math.inf if math.isnan(low) else low, math.inf if math.isnan(high) else high])
-    return ends

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import inspect
+import math
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -10,18 +13,13 @@ import numpy as np
 
 from contourlab.configuration import replace, replace_at, resolve
 from contourlab.errors import ConfigurationError, ContourlabError, choices
+from contourlab.feedrate import AxisLimits
 from contourlab.machines import Drive, LinearTool, Machine
 from contourlab.scenarios import registry
-from contourlab.scenarios.axes import (
-    dynamics_of,
-    errors_of,
-    limits_of,
-    nominal_of,
-    sensor_of,
-    travel_of,
-)
+from contourlab.scenarios.axes import all_or_none, dynamics_of, errors_of, nominal_of, sensor_of
 from contourlab.scenarios.locate import Key
-from contourlab.scenarios.machine_schema import MachineSection
+from contourlab.scenarios.machine_schema import AxisSection, MachineSection
+from contourlab.scenarios.refusal import located
 from contourlab.scenarios.values import KeyedError, at, field_value, needs_unit
 
 __all__ = ["build_machine"]
@@ -143,8 +141,8 @@ def _changed(machine: Machine, path: str, value: Any) -> Machine:
 
 def _of_axes(section: MachineSection) -> Machine:
     axes = section.axis or []
-    assert section.command is not None  # the schema asks for it
     optional: dict[str, Any] = {}
+    planned = all_or_none(axes, "velocity_limit", [axis.velocity_limit for axis in axes])
     if section.tool_matrix is not None:
         with at("machine", "tool_matrix"):
             if len({len(row) for row in section.tool_matrix}) != 1:
@@ -154,18 +152,45 @@ def _of_axes(section: MachineSection) -> Machine:
         return Machine(
             names=tuple(axis.name for axis in axes),
             dynamics=dynamics_of(section),
-            drive=Drive(
-                command=section.command,
-                command_limit=[
-                    np.inf if axis.command_limit is None else axis.command_limit for axis in axes
-                ],
-                computing_delay=section.computing_delay or 0.0,
-            ),
+            drive=located(axes, partial(_drive, section)),
             sensor=sensor_of(section),
             errors=errors_of(section),
-            travel=travel_of(axes),
-            limits=limits_of(axes),
+            travel=_travel(axes),
+            limits=located(axes, _limits) if planned else None,
             nominal_model=nominal_of(section),
             assumed=tuple(section.assumed), title=section.title, source=section.source,
             **optional,
         )  # fmt: skip
+
+
+def _drive(section: MachineSection, axes: Sequence[AxisSection]) -> Drive:
+    assert section.command is not None  # the schema asks for it
+    return Drive(
+        command=section.command,
+        command_limit=[
+            np.inf if axis.command_limit is None else axis.command_limit for axis in axes
+        ],
+        computing_delay=section.computing_delay or 0.0,
+    )
+
+
+def _limits(axes: Sequence[AxisSection]) -> AxisLimits:
+    return AxisLimits(
+        velocity=np.array([axis.velocity_limit for axis in axes]),
+        acceleration=np.array([axis.acceleration_limit for axis in axes]),
+        jerk=np.array([axis.jerk_limit for axis in axes]),
+    )
+
+
+def _travel(axes: Sequence[AxisSection]) -> list[list[float]]:
+    """Lower and upper end of every axis [m]; what is unlimited was read as NaN."""
+    ends = []
+    for k, axis in enumerate(axes):
+        low, high = axis.travel or [math.nan, math.nan]
+        if low >= high:
+            raise KeyedError(
+                ("machine", "axis", k, "travel"),
+                f"travel of axis {axis.name} must have lower < upper, got {low:g} to {high:g} m",
+            )
+        ends.append([-math.inf if math.isnan(low) else low, math.inf if math.isnan(high) else high])
+    return ends

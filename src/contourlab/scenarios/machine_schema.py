@@ -5,7 +5,14 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    field_validator,
+    model_validator,
+)
 
 from contourlab.scenarios.quantities import (
     Acceleration,
@@ -207,6 +214,13 @@ class AxisSection(Section):
         given = [name for name in _KINDS if getattr(self, name) is not None]
         return given[0] if given else None
 
+    @field_validator("travel")
+    @classmethod
+    def _two_ends(cls, ends: list[float] | None) -> list[float] | None:
+        if ends is not None and len(ends) != 2:
+            raise ValueError("travel must be a lower and an upper end")
+        return ends
+
     @model_validator(mode="after")
     def _one_of(self) -> AxisSection:
         by_function = self.numerator is not None or self.denominator is not None
@@ -235,8 +249,6 @@ class AxisSection(Section):
             raise ValueError("stribeck_velocity goes with breakaway, which is not given")
         if "smoothing_velocity" in self.model_fields_set and not (self.coulomb or self.breakaway):
             raise ValueError("smoothing_velocity goes with coulomb, which is not given")
-        if self.travel is not None and len(self.travel) != 2:
-            raise ValueError("travel must be a lower and an upper end")
         limits = [name for name in _LIMITS if getattr(self, name) is None]
         if 0 < len(limits) < len(_LIMITS):
             raise ValueError(f"{limits[0]} is missing: give {', '.join(_LIMITS)}, or none of them")

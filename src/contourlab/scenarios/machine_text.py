@@ -275,8 +275,11 @@ def _write_sensor(machine: Machine, axes: list[Table]) -> None:
     _put(axes, "resolution", _column("resolution", sensor.resolution, n_axes), "m")
     if sensor.noise is not None:
         _put(axes, "noise", _column("noise", sensor.noise, n_axes), "m")
+    # on a rigid axis without an error of its screw both sides are one: the file says neither
+    screw = None if machine.errors is None else machine.errors.screw
+    one = isinstance(machine.dynamics, RigidAxes) and screw is None
     for key, sides in (("measured", sensor.side), ("velocity_measured", sensor.velocity_side)):
-        if sides is not None:
+        if sides is not None and not (one and "motor" in sides):
             each = sides if isinstance(sides, tuple) else (sides,) * n_axes
             for table, side in zip(axes, each, strict=True):
                 table[key] = side

@@ -1,15 +1,88 @@
-"""Pydantic's complaints about a TOML file as one sentence with file, line, key and choices."""
+"""Mistakes in a TOML file as one sentence with file, line, key and choices."""
 
 from __future__ import annotations
 
-from typing import Any, NoReturn
+from collections.abc import Callable, Sequence
+from typing import Any, NoReturn, TypeVar
 
 import pydantic
 
-from contourlab.errors import ScenarioError, UnitError, choices
+from contourlab.errors import ConfigurationError, ScenarioError, UnitError, choices
 from contourlab.scenarios.locate import Key, line_of
+from contourlab.scenarios.values import KeyedError
 
-__all__ = ["allowed_keys", "dotted", "refuse"]
+__all__ = ["allowed_keys", "dotted", "inner", "located", "refuse"]
+
+Row = TypeVar("Row", bound=pydantic.BaseModel)
+Built = TypeVar("Built")
+
+
+def inner(table: Any, path: Key) -> Any:
+    """Return what stands at a path inside a table, None if nothing does.
+
+    Parameters
+    ----------
+    table
+        Checked by pydantic.
+    path
+        Names and positions.
+    """
+    for item in path:
+        if isinstance(item, int):
+            table = table[item] if item < len(table) else None
+        else:
+            table = getattr(table, item)
+        if table is None:
+            return None
+    return table
+
+
+def located(
+    axes: Sequence[Row], build: Callable[[Sequence[Row]], Built], *path: str | int
+) -> Built:
+    """Return what is built of all axes, and say which axis it is that cannot be built.
+
+    A part holds the values of all axes, so that its complaint names the field and no axis. The axis
+    is the one whose values are refused when they stand alone.
+
+    Parameters
+    ----------
+    axes
+        ``[[machine.axis]]``.
+    build
+        From some axes to the part.
+    *path
+        Where in each axis the values stand.
+
+    Raises
+    ------
+    KeyedError
+        The values of one axis are refused; says at which key.
+    ConfigurationError
+        The axes are refused together only.
+    """
+    try:
+        return build(axes)
+    except ConfigurationError:
+        for k, axis in enumerate(axes):
+            try:
+                build([axis])
+            except ConfigurationError as error:
+                message = str(error).removeprefix("axis 0: ")
+                key = ("machine", "axis", k, *path, *_field(inner(axis, path), message))
+                raise KeyedError(key, message) from error
+        raise
+
+
+def _field(table: Any, message: str) -> Key:
+    """The key, given in a table, with whose name a message begins; some keys end in their unit."""
+    given = table.model_fields_set if isinstance(table, pydantic.BaseModel) else set()
+    word = message.split(" ", 1)[0]
+    for name in (word, f"{word}_limit"):
+        if name in given:
+            return (name,)
+    longer = [name for name in given if name.startswith(f"{word}_")]
+    return (longer[0],) if len(longer) == 1 else ()
 
 
 def dotted(key: Key) -> str:

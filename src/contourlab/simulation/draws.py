@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contourlab.configuration import resolve
-from contourlab.errors import ContourlabError, SimulationError, choices
+from contourlab.errors import ConfigurationError, ContourlabError, SimulationError, choices
 from contourlab.simulation.checks import check_seed
-from contourlab.simulation.variation import varied
+from contourlab.simulation.spread import check_lanes, full_path, refuse_ambiguous
 
 __all__ = ["Listed", "Normal", "Uniform", "Variation", "find_field", "own_path"]
 
@@ -117,6 +117,15 @@ class Listed:
         _one_of(self, ("values_of", "factors"))
         if not len(self):
             raise SimulationError("a list of values must not be empty")
+        try:
+            kind = np.asarray(self.values_of if self.factors is None else self.factors).dtype.kind
+        except ValueError:  # rows of different lengths
+            raise SimulationError(
+                "listed values must all be numbers, or all be lists of the same length, "
+                "with one number per axis"
+            ) from None
+        if kind not in "iuf":
+            raise SimulationError("listed values must be numbers")
 
     def __len__(self) -> int:
         return len(self.values_of if self.factors is None else self.factors)  # type: ignore[arg-type]
@@ -221,34 +230,50 @@ class Variation:
         named: dict[str, str] = {}
         for path, change in self.changes.items():
             own = own_path(path, machine, controller, machines, controllers)
+            if own != path:
+                refuse_ambiguous(loop, path)
             if own is None:
                 continue
-            if own in named:
-                raise SimulationError(f"vary: {path} and {named[own]} name the same value")
-            named[own] = path
+            drawn = False
             try:
-                if own == "seed":
-                    lanes[own] = self._seeds(change, picked[path])
-                    continue
-                nominal = _nominal(loop, own)
-                if isinstance(change, Listed):
-                    if change.factors is not None:
-                        _scalable(nominal, own)
-                    lanes[own] = change.values(nominal, picked[path])
-                else:
-                    if change.relative is not None:
-                        _scalable(nominal, own)
-                    random = np.random.default_rng([self.seed, zlib.crc32(path.encode())])
-                    lanes[own] = change.values(nominal, n, random)
-                varied(dict(loop), {own: np.asarray(lanes[own])})
+                full = own if own == "seed" else full_path(loop, own)
+                if full in named:
+                    same = f"{path} and {named[full]} name the same value, {full}"
+                    raise SimulationError(same)
+                named[full] = path
+                lanes[own] = self._lane(loop, path, own, picked[path])
+                drawn = True
+                check_lanes(loop, {own: lanes[own]})
             except ContourlabError as error:
                 whose = f"controller {controller}" if own.startswith("controller") else machine
                 whose = f"machine {whose}" if own.startswith("machine") else whose
+                out_of_bounds = drawn and isinstance(error, ConfigurationError)
+                unbounded = out_of_bounds and isinstance(change, Normal)
+                hint = "; a normal distribution has no bounds" if unbounded else ""
                 message = str(error).removeprefix("vary: ")
-                hint = "; a normal distribution has no bounds" if isinstance(change, Normal) else ""
                 raise SimulationError(f"vary: {path} ({whose}): {message}{hint}") from error
-        varied(dict(loop), {name: np.asarray(value) for name, value in lanes.items()})
+        try:
+            check_lanes(loop, lanes)
+        except ConfigurationError as error:
+            raise SimulationError(f"vary: {error}") from error
         return lanes
+
+    def _lane(
+        self, loop: Mapping[str, Any], path: str, own: str, picked: NDArray[Any]
+    ) -> NDArray[Any]:
+        """Return the values of one path, not checked yet."""
+        change = self.changes[path]
+        if own == "seed":
+            return self._seeds(change, picked)
+        nominal = _nominal(loop, own)
+        if isinstance(change, Listed):
+            if change.factors is not None:
+                _scalable(nominal, own)
+            return change.values(nominal, picked)
+        if change.relative is not None:
+            _scalable(nominal, own)
+        random = np.random.default_rng([self.seed, zlib.crc32(path.encode())])
+        return change.values(nominal, self.n_samples, random)
 
     def _picked(self, n: int) -> dict[str, NDArray[Any]]:
         """Return which of its listed values each sample has, by path."""

@@ -11,17 +11,27 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from contourlab.configuration import replace_at, resolve
 from contourlab.controllers.base import Controller
-from contourlab.errors import RecordingError, SimulationError, choices
+from contourlab.errors import ConfigurationError, RecordingError, SimulationError, choices
 from contourlab.machines import Disturbance, Machine
 from contourlab.recordings.metrics import METRICS
 from contourlab.recordings.reference import Reference
 from contourlab.simulation.many import simulate_many
+from contourlab.simulation.variation import varied
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["Spread", "Statistic", "check_variable", "run_spread"]
+__all__ = [
+    "Spread",
+    "Statistic",
+    "check_lanes",
+    "check_variable",
+    "full_path",
+    "refuse_ambiguous",
+    "run_spread",
+]
 
 LANES = 512
 """Samples that run side by side; more run one batch after the other, so that memory is bounded."""
@@ -143,6 +153,140 @@ def check_variable(controller: Controller, lanes: Mapping[str, NDArray[Any]]) ->
             f"vary: {own[0]}: {type(controller).__name__} is synthesised on the host and cannot "
             "be varied in a batch"
         )
+
+
+def full_path(loop: Mapping[str, Any], path: str) -> str:
+    """Return the full path of a value that varies.
+
+    Parameters
+    ----------
+    loop
+        ``machine``, ``controller`` and ``disturbances``.
+    path
+        Without the name of a machine or controller; may leave levels out.
+
+    Raises
+    ------
+    SimulationError
+        It names a limit of the axes, or a disturbance that there is not.
+    ConfigurationError
+        It names nothing, or several things.
+    """
+    head, _, rest = path.partition(".")
+    first = rest.partition(".")[0]
+    if head == "disturbances":
+        count = len(loop["disturbances"])
+        if count == 0:
+            raise SimulationError("there is no disturbance here")
+        if first.isdigit() and int(first) >= count:
+            only = "disturbance is 0" if count == 1 else f"disturbances are 0 to {count - 1}"
+            raise SimulationError(f"there is no disturbance {first}; the only {only}")
+    full = path if (head, first) == ("machine", "limits") else resolve(loop, path)
+    if f"{full}.".startswith("machine.limits."):
+        raise SimulationError("the motion is planned once for all samples; limits cannot vary")
+    return full
+
+
+def refuse_ambiguous(loop: Mapping[str, Any], path: str) -> None:
+    """Refuse a path that begins with a label, if it names a field of every loop just as well.
+
+    Parameters
+    ----------
+    loop
+        ``machine``, ``controller`` and ``disturbances``.
+    path
+        As a user wrote it, with the label.
+
+    Raises
+    ------
+    SimulationError
+        It has two readings; says both.
+    """
+    try:
+        full = resolve(loop, path)
+    except ConfigurationError:
+        return
+    head, _, rest = path.partition(".")
+    raise SimulationError(
+        f"vary: {path} may mean a value of the {head} labelled like its field "
+        f"{rest.partition('.')[0]!r}, or {full} of every {head}; rename that {head}"
+    )
+
+
+def check_lanes(loop: Mapping[str, Any], lanes: Mapping[str, NDArray[Any]]) -> None:
+    """Raise an error for the first sample that is out of bounds, with its values.
+
+    Parameters
+    ----------
+    loop
+        ``machine``, ``controller`` and ``disturbances``.
+    lanes
+        Values by path, the first dimension being the sample; ``seed`` is passed over.
+
+    Raises
+    ------
+    ConfigurationError
+        A sample is out of bounds; names its number, from 0, and those values that make it so.
+    SimulationError
+        Values that do not have the shape of the field.
+    """
+    values = {path: np.asarray(value) for path, value in lanes.items() if path != "seed"}
+
+    def refused(until: int) -> ConfigurationError | None:
+        try:
+            varied(dict(loop), {path: value[:until] for path, value in values.items()})
+        except ConfigurationError as error:
+            return error
+        return None
+
+    n = min((len(value) for value in values.values()), default=0)
+    whole = refused(n)
+    if whole is None:
+        return
+    good, bad = 0, n  # so many samples pass; so many do not
+    while bad - good > 1:
+        middle = (good + bad) // 2
+        good, bad = (good, middle) if refused(middle) is not None else (middle, bad)
+    number = bad - 1
+    sample = {path: np.asarray(value[number]) for path, value in values.items()}
+    error = _refused_sample(loop, sample)
+    for path in values:  # leave those that matter
+        fewer = {name: value for name, value in sample.items() if name != path}
+        without = _refused_sample(loop, fewer)
+        if without is not None:
+            sample, error = fewer, without
+    message = " ".join(str(error or whole).split())  # arrays are printed over several lines
+    shown = ", ".join(f"{path} = {_short(value)}" for path, value in sample.items())
+    raise ConfigurationError(f"{message} (sample {number} of 0 to {n - 1}: {shown})") from whole
+
+
+def _refused_sample(
+    loop: Mapping[str, Any], sample: Mapping[str, NDArray[Any]]
+) -> ConfigurationError | None:
+    """Return why one sample is out of bounds, None if it is not; without a batch dimension."""
+    single: Any = dict(loop)
+    for path, value in sample.items():
+        full = resolve(loop, path)
+        field: Any = loop
+        for name in full.split("."):
+            if isinstance(field, Mapping):
+                field = field[name]
+            else:
+                field = field[int(name)] if isinstance(field, tuple) else getattr(field, name)
+        aligned = value.astype(float).reshape(*value.shape, *[1] * (np.ndim(field) - value.ndim))
+        try:
+            shaped = np.broadcast_to(aligned, np.shape(field)) if np.ndim(field) else aligned
+            single = replace_at(single, full, np.array(shaped))
+        except ConfigurationError as error:
+            return error
+    return None
+
+
+def _short(value: NDArray[Any]) -> str:
+    numbers = [f"{number:.6g}" for number in value.flat]
+    if value.ndim == 0:
+        return numbers[0]
+    return f"[{', '.join(numbers[:8])}{', ...' if len(numbers) > 8 else ''}]"
 
 
 def run_spread(
