@@ -34,7 +34,9 @@ MOST_INTERVALS = 400_000
 """Intervals over all stretches; stretches beyond keep their first plan."""
 _WORTH = 1.01
 _PER_CURVE = 6.0
-"""Intervals, at least, in each curved piece of the path."""
+"""Intervals, at least, in each curved piece of the path,"""
+_SHORTEST = 0.5
+"""but none shorter than this many samples for the sake of that."""
 _FEWEST = 64
 _ROUGHLY, _CLOSELY = 1e-2, 5e-4
 _KNOT = 2
@@ -72,7 +74,7 @@ def refine(
         Whether one round is enough: a percent or two slower.
     """
     took = motion.arrives - motion.begins
-    longest = _longest(limits, sample_time)
+    longest, shortest = _longest(limits, sample_time), _SHORTEST * sample_time
     geometry = Geometry(motion, contour, table, limits)
     stretches: list[Stretch] = []
     left, room = 0, MOST_INTERVALS
@@ -83,7 +85,7 @@ def refine(
             left += 1
             continue
         nodes = motion.profile.time_at(edges[1:-1]) - begin
-        time = _grid(motion, k, np.concatenate([[0.0], nodes, [arrive - begin]]), longest)
+        time = _grid(motion, k, np.concatenate([[0.0], nodes, [arrive - begin]]), longest, shortest)
         if len(time) > room:
             left += 1
             continue
@@ -94,7 +96,7 @@ def refine(
     stretches, paces = _fastest(geometry, stretches, _ROUGHLY)
     motion = replace(motion, left_as_planned=left + asked - len(stretches))
     again = [
-        _anew(motion, stretch, pace, longest)
+        _anew(motion, stretch, pace, longest, shortest)
         for stretch, pace in zip(stretches, paces, strict=True)
         if not roughly
     ]
@@ -143,13 +145,14 @@ def _pieces(motion: Motion, number: int) -> Values:
     return np.concatenate([[start], edges[inside], [end]])
 
 
-def _grid(motion: Motion, number: int, nodes: Values, longest: float) -> Values:
+def _grid(motion: Motion, number: int, nodes: Values, longest: float, shortest: float) -> Values:
     """Return the instants of a stretch between which its pace has one piece."""
     edges = _pieces(motion, number)
     segment = np.searchsorted(motion.segments.edges, edges[:-1], side="right") - 1
     curved = motion.segments.bend[segment].max(axis=1) > 0.0
     nodes = np.maximum.accumulate(nodes)
-    spacing = np.where(curved, np.diff(nodes) / _PER_CURVE, np.inf)
+    own = np.maximum(np.diff(nodes) / _PER_CURVE, shortest)
+    spacing = np.where(curved, own, np.inf)
     keep = np.append(True, np.diff(nodes) > 0.0)
     return graded_times(nodes[keep], spacing[keep[1:]], longest, _FEWEST)
 
@@ -194,7 +197,9 @@ def _exceeded(check: Collocation, coefficient: Values) -> Values:
     return worst
 
 
-def _anew(motion: Motion, stretch: Stretch, pace: Retiming, longest: float) -> Stretch:
+def _anew(
+    motion: Motion, stretch: Stretch, pace: Retiming, longest: float, shortest: float
+) -> Stretch:
     """Return the stretch with the result as its own motion."""
     edges = _pieces(motion, stretch.number)
     end = float(pace.duration.sum())
@@ -205,7 +210,7 @@ def _anew(motion: Motion, stretch: Stretch, pace: Retiming, longest: float) -> S
     )
     arc = np.maximum.accumulate(stretch.own.at(pace.at(fine)[0])[0])
     nodes = np.concatenate([[0.0], np.interp(edges[1:-1], arc, fine), [end]])
-    time = _grid(motion, stretch.number, nodes, longest)
+    time = _grid(motion, stretch.number, nodes, longest, shortest)
     arc = stretch.own.at(pace.at(time[::_KNOT])[0])[0]
     return _stretch(stretch.number, arc, edges, time)
 
