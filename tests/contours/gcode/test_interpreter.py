@@ -288,7 +288,7 @@ LINE_REFUSALS = [
     ("G64 P1 G4", "P1", "two words of the line would use"),
     ("G0 X10000001", "X10000001", "too large"),
     ("G28", "G28", "not read"),
-    ("g43 h1", "g43", "not read"),
+    ("g43.1 z1", "g43.1", "not read"),
     ("G0 X#<a>", "X#<a>", "has no value yet"),
     ("o100 sub", "o100sub", "the end of o<100> is missing"),
 ]
