@@ -14,6 +14,11 @@ from contourlab.contours.blending import (
 from contourlab.contours.circle import Arc, Circle
 from contourlab.contours.ellipse import Ellipse
 from contourlab.contours.foot_points import FootPoint, foot_point, local_foot
+from contourlab.contours.frenet import (
+    CurvatureDerivatives,
+    arc_length_derivatives,
+    curvature_derivatives,
+)
 from contourlab.contours.gcode import read_gcode, read_gcode_text
 from contourlab.contours.helix import Helix
 from contourlab.contours.line import Line
@@ -26,6 +31,7 @@ __all__ = [
     "BlendedPart",
     "Circle",
     "Contour",
+    "CurvatureDerivatives",
     "Ellipse",
     "FootPoint",
     "Frenet",
@@ -34,8 +40,10 @@ __all__ = [
     "Merged",
     "Part",
     "Path",
+    "arc_length_derivatives",
     "blend_corners",
     "blend_part",
+    "curvature_derivatives",
     "foot_point",
     "joint_tolerance",
     "left_normal",
