@@ -133,7 +133,7 @@ class Geometry:
         rows = [self._points(stretch, places, weights) for stretch in stretches]
         count = np.array([len(row[0]) for row in rows])
         which = np.repeat(np.arange(len(rows)), count)
-        _, interval, basis, weight, piece, place_of_joint = (
+        own_time, interval, basis, weight, piece, place_of_joint = (
             np.concatenate(column, axis=-1) for column in zip(*rows, strict=True)
         )
         intervals = np.array([stretch.intervals for stretch in stretches])
@@ -148,6 +148,7 @@ class Geometry:
         offset = np.cumsum(intervals + 2) - (intervals + 2)
         return Collocation(
             stretch=which,
+            own_time=own_time,
             interval=offset[which] + interval,
             basis=basis,
             piece=piece,

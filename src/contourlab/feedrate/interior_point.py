@@ -53,6 +53,8 @@ class Collocation:
 
     stretch: Values
     """Number of each point's stretch, shape (m,)."""
+    own_time: Values
+    """Own time of each point, ascending in a stretch [s]."""
     interval: Values
     """First spline coefficient of the interval that holds the point."""
     basis: Values

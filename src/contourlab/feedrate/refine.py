@@ -45,7 +45,9 @@ _PLACES = np.array([0.0, 0.5, 1.0])
 _WEIGHTS = np.array([1.0, 4.0, 1.0]) / 6.0
 _FINE = np.arange(9) / 8.0
 _RISE = 0.25
-"""A quadratic rises by 1/8 of its second difference between two points; twice that is allowed."""
+"""Between points h apart a function of bend M rises by up to M h²/8; twice that is allowed."""
+_CLOSE = 1e-6
+"""No bend is taken from points this much closer on one side than on the other: rounding."""
 _GAP = 1.0
 """Own time between stretches [s]; none is there, so that no stretch reads another's pieces."""
 
@@ -188,10 +190,21 @@ def _fastest(
 def _exceeded(check: Collocation, coefficient: Values) -> Values:
     """Return by how much c of each stretch must be divided, shape (n_stretches,)."""
     shares = check.shares(coefficient)
+    step = np.diff(check.own_time)
+    apart = (check.interval[1:] != check.interval[:-1]) | (check.piece[1:] != check.piece[:-1])
+    step[apart] = 0.0
+    before, after = step[:-1], step[1:]
+    close = np.minimum(before, after) <= _CLOSE * np.maximum(before, after)
+    before, after = (np.where(close, 1.0, h)[:, None] for h in (before, after))
+    slope = np.diff(shares, axis=0)
+    bend = np.zeros_like(shares)
+    bend[1:-1] = 2.0 * np.abs(slope[1:] / after - slope[:-1] / before) / (before + after)
+    bend[1:-1][close] = 0.0
+    # between two points what either neighbour bends: the ends of an interval have no difference
+    rise = _RISE * np.maximum(bend[1:], bend[:-1]) * step[:, None] ** 2
     bound = np.abs(shares)
-    bend = np.abs(shares[2:] - 2.0 * shares[1:-1] + shares[:-2])
-    same = (check.interval[2:] == check.interval[:-2]) & (check.piece[2:] == check.piece[:-2])
-    bound[1:-1] += _RISE * np.where(same[:, None], bend, 0.0)
+    bound[:-1] += rise
+    bound[1:] = np.maximum(bound[1:], np.abs(shares[1:]) + rise)
     worst = np.zeros(check.n_stretches)
     np.maximum.at(worst, check.stretch, check.mended_by(bound))
     return worst
