@@ -101,6 +101,14 @@ def test_mistakes_are_named(vary, error, message):
         cl.simulate_many(velocity_stage(), Proportional(k=30.0), line_reference(), vary=vary)
 
 
+def test_two_names_of_one_number_are_refused():
+    vary = {"machine.mass": [0.01, 0.02], "machine.dynamics.mass": [0.03, 0.04]}
+    with pytest.raises(
+        SimulationError, match=r"machine\.mass and machine\.dynamics\.mass are the same"
+    ):
+        cl.simulate_many(velocity_stage(), Proportional(k=30.0), REFERENCE, vary=vary)
+
+
 def test_unknown_metrics_and_signals_are_named():
     arguments = (velocity_stage(), Proportional(k=30.0), line_reference())
     with pytest.raises(RecordingError, match="did you mean contour_error_rms"):

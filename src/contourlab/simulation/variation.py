@@ -99,11 +99,12 @@ def varied(loop: dict[str, Any], values: Mapping[str, NDArray[Any]]) -> dict[str
     Raises
     ------
     SimulationError
-        A path that begins with no part of the loop, or names no number.
+        A path that begins with no part of the loop, or names no number; two paths to one number.
     ConfigurationError
         A path that names nothing, or a value out of bounds.
     """
     batch = dict(loop)
+    written: dict[str, str] = {}
     for path, value in values.items():
         if path == "seed":
             continue
@@ -111,6 +112,9 @@ def varied(loop: dict[str, Any], values: Mapping[str, NDArray[Any]]) -> dict[str
         if head not in loop:
             raise SimulationError(f"vary: {choices(head, [*loop, 'seed'])}, got {path!r}")
         full = resolve(loop, path)
+        if full in written:
+            raise SimulationError(f"vary: {written[full]} and {path} are the same, {full}")
+        written[full] = path
         batch = replace_at(batch, full, _like(loop, full, value.astype(float)))
     return batch
 
