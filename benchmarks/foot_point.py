@@ -2,16 +2,19 @@
 
     python benchmarks/foot_point.py [--points N] [--pieces N] [--json]
 
-Two contours: an ellipse of 30 by 10 mm, and a spiral of lines of 0.05 to 1 mm (100 000 pieces, 2 mm
-from turn to turn). Points lie 1 µm to 0.1 mm (spiral, log-uniform) or 50 µm (ellipse, normal) off
-the contour. The first call, on 70 000 points, compiles and is not timed. Errors are against closed
-forms in NumPy: on the spiral the distance to the neighbouring lines, on the ellipse Newton's method
-run to rounding.
+Three contours: an ellipse of 30 by 10 mm, a spiral of lines of 0.05 to 1 mm (100 000 pieces, 2 mm
+from turn to turn), and a cubic NURBS of 12 control points, 60 mm across. Points lie 1 µm to 0.1 mm
+(spiral, log-uniform) or 50 µm (ellipse and NURBS, normal) off the contour. The first call, on
+70 000 points, compiles and is not timed. Errors are against closed forms in NumPy: on the spiral
+the distance to the neighbouring lines, on the ellipse Newton's method run to rounding; on the NURBS
+against golden sections between 20 001 samples, for 1000 points.
 
 shapely measures to a polyline: exact on the part; on the ellipse the polyline has as many points as
 keep its sagitta at 1 nm. ``distance`` to the whole part looks at every piece, so it is timed on few
 points; STRtree finds the nearest piece. The k-d tree samples the same polyline and refines on the
-pieces next to the nearest sample, so its accuracy is the polyline's.
+pieces next to the nearest sample, so its accuracy is the polyline's. On the NURBS, splinepy's
+``proximities`` start from the nearest of 2000 samples, as does SciPy's bounded minimiser, which
+takes one point after the other and so is timed on few.
 """
 
 from __future__ import annotations
@@ -23,6 +26,9 @@ import time
 
 import numpy as np
 import shapely
+import splinepy
+from scipy.interpolate import BSpline
+from scipy.optimize import minimize_scalar
 from scipy.spatial import cKDTree
 
 import contourlab  # noqa: F401  (float64)
@@ -140,14 +146,91 @@ def part_case(n, pieces, rng):
     return path, vertices, points, near, truth, 1e-4
 
 
-def measured(case):
+def nurbs_case(n, rng):
+    degree, count = 3, 12
+    control = np.stack([np.linspace(0, 0.06, count), 0.01 * rng.normal(size=count)], axis=1)
+    weights = rng.uniform(0.5, 2.0, count)
+    inner = np.linspace(0, 1, count - degree + 1)
+    knots = np.concatenate([np.zeros(degree), inner, np.ones(degree)])
+    homogeneous = np.concatenate([control * weights[:, None], weights[:, None]], axis=1)
+    spline = BSpline(knots, homogeneous, degree)
+
+    def curve(t):
+        value = spline(t)
+        return value[:, :-1] / value[:, -1:]
+
+    rival = splinepy.NURBS([degree], [knots], control, weights[:, None])
+    spans = list(rival.extract.beziers())
+    path = Path.from_bezier(
+        np.array([span.control_points for span in spans]),
+        np.array([span.weights[:, 0] for span in spans]),
+    )
+    t = np.linspace(0, 1, n)
+    on = curve(t)
+    points = on + 5e-5 * rng.normal(size=(n, 2))
+    fine = np.linspace(0, 1, 200_001)
+    travelled = np.cumsum(np.linalg.norm(np.diff(curve(fine), axis=0), axis=1))
+    near = np.interp(t, fine, np.concatenate([[0.0], travelled]))
+    few = points[:: max(n // 1000, 1)]
+    return path, (curve, rival), points, near, golden(curve, few), None
+
+
+def golden(curve, points):
+    """Return distances by golden sections about the nearest of many samples."""
+    t = np.linspace(0, 1, 20_001)
+    nearest = cKDTree(curve(t)).query(points)[1]
+    a, b = t[np.maximum(nearest - 1, 0)], t[np.minimum(nearest + 1, len(t) - 1)]
+    ratio = (np.sqrt(5) - 1) / 2
+    best = np.full(len(points), np.inf)
+    for _ in range(70):
+        x, y = b - ratio * (b - a), a + ratio * (b - a)
+        left, right = (np.linalg.norm(curve(at) - points, axis=1) for at in (x, y))
+        best = np.minimum(best, np.minimum(left, right))
+        a, b = np.where(left < right, a, x), np.where(left < right, y, b)
+    return best
+
+
+def projections(given, points, spacing):
+    del spacing
+    curve, rival = given
+
+    def proximities():
+        at = rival.proximities(
+            points, initial_guess_sample_resolutions=[2000], tolerance=1e-14, nthreads=-1
+        )
+        return np.linalg.norm(rival.evaluate(at) - points, axis=1)
+
+    result, row = clocked(proximities, len(points))
+    yield "splinepy proximities", result, row, len(points)
+    few = points[:: max(len(points) // 1000, 1)]
+    t = np.linspace(0, 1, 2000)
+    tree = cKDTree(curve(t))
+
+    def minimised():
+        start = tree.query(few)[1]
+        low, high = t[np.maximum(start - 1, 0)], t[np.minimum(start + 1, len(t) - 1)]
+        return np.array([
+            minimize_scalar(
+                lambda u, q=q: float(np.linalg.norm(curve(np.array([u]))[0] - q)),
+                bounds=(a, b), method="bounded", options={"xatol": 1e-12},
+            ).fun
+            for q, a, b in zip(few, low, high, strict=True)
+        ])  # fmt: skip
+
+    result, row = clocked(minimised, len(few))
+    yield f"scipy minimize_scalar ({len(few)} points)", result, row, len(few)
+
+
+def measured(case, rivals=others):
     contour, vertices, points, near, truth, spacing = case
     rows = [(*row, len(points)) for row in ours(contour, points, near)]
-    rows += list(others(vertices, points, spacing))
+    rows += list(rivals(vertices, points, spacing))
     local = rows[0][2]["points_per_s"]
     report = []
     for name, distance, row, count in rows:
-        wanted = truth if count == len(truth) else truth[:: max(len(points) // 1000, 1)]
+        every = max(len(points) // 1000, 1)
+        distance = distance[::every] if len(truth) < count else distance
+        wanted = truth if len(distance) == len(truth) else truth[::every]
         error = float(np.max(np.abs(distance - wanted)))
         report.append(
             {"solver": name, **row, "max_error_m": error, "ratio": local / row["points_per_s"]}
@@ -165,6 +248,7 @@ def main():
     report = {
         "ellipse": measured(ellipse_case(given.points, rng)),
         "part": measured(part_case(given.points, given.pieces, rng)),
+        "nurbs": measured(nurbs_case(given.points, rng), projections),
     }
     if given.json:
         print(json.dumps(report, indent=1))

@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose
 from contourlab.contours.base import Contour
 from contourlab.contours.circle import Circle
 from contourlab.contours.ellipse import Ellipse
-from contourlab.contours.foot_points import cells_of, foot_point, local_foot
+from contourlab.contours.foot_points import cells_of, foot_point, local_foot, tied_parameter
 from contourlab.contours.path import Path
 from contourlab.errors import GeometryError
 
@@ -26,6 +26,7 @@ _spec = importlib.util.spec_from_file_location(
 judge = importlib.util.module_from_spec(_spec)
 _spec.loader.exec_module(judge)
 
+TURN = 2 * np.pi
 ROUNDING = 1e-12  # of contours of size 1
 JUDGED = 3e-9  # what bounded minimisation of a distance near 0 can tell
 
@@ -291,6 +292,71 @@ def test_wrong_shapes_are_named():
         foot_point(path, np.zeros((4, 2)), near=np.zeros(3))
 
 
+def test_what_is_no_number_is_refused():
+    path = Path.polyline([[0, 0], [1, 0]])
+    with pytest.raises(GeometryError, match="points must be an array of numbers"):
+        foot_point(path, [["a", "b"]])
+    with pytest.raises(GeometryError, match="near must be an array of numbers"):
+        foot_point(path, [[0, 0]], near=["x"])
+    with pytest.raises(GeometryError, match=r"got \(2,\)"):
+        foot_point(path, [0.0, 0.0])
+
+
+def test_ties_are_told():
+    # the long axis inside the evolute's cusps; the short one; beside them; the ellipse itself
+    ellipse, points = Ellipse(semi_axes=(1.0, 0.5)), [[0.3, 0], [0, -0.2], [0.3, 1e-3], [0, 0.5]]
+    foot = foot_point(ellipse, points)
+    other = tied_parameter(ellipse, points, foot)
+    assert_allclose(other[0], TURN - foot.parameter[0], atol=1e-9)
+    assert np.isnan(other[1:]).all()
+    assert not np.isnan(tied_parameter(ellipse, points, foot, tolerance=5e-3)[2])
+    square = Path.polyline([[0, 0], [1, 0], [1, 1], [0, 1]], closed=True)
+    points = [[0.5, 0.5], [0.2, 0.2], [0.2, 0.21], [1.5, 1.5], [np.nan, 0]]
+    other = tied_parameter(square, points, foot_point(square, points))
+    assert np.isnan(other).tolist() == [False, False, True, True, True]
+    circle = Circle(radius=2.0)
+    assert not np.isnan(tied_parameter(circle, [[0, 0.0]], foot_point(circle, [[0, 0.0]])))[0]
+    with pytest.raises(GeometryError, match="apart must be > 0 m, got 0"):
+        tied_parameter(circle, [[0, 0.0]], foot_point(circle, [[0, 0.0]]), apart=0.0)
+    with pytest.raises(GeometryError, match=r"shape of foot.position, \(1, 2\)"):
+        tied_parameter(circle, [[0, 0.0]] * 2, foot_point(circle, [[0, 0.0]]))
+
+
+def test_one_point_is_as_good_as_many():
+    for contour in (Ellipse(semi_axes=(1.0, 0.3)), Path.polyline([[0, 0], [1, 0]])):
+        foot = foot_point(contour, [[0.5, 0.25]])
+        assert [np.shape(x) for x in foot] == [(1,), (1, 2), (1, 2), (1,)]
+
+
+def test_a_long_stretch_of_many_rows():
+    # balls that hold thousands of rows but not the path: passed by blocks, judged by all pieces
+    rng = np.random.default_rng(6)
+    angle = np.linspace(0, 40 * np.pi, 6_001)
+    radius = 1 + angle / 100
+    corners = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+    path = Path.polyline(corners)
+    near = rng.uniform(0, float(path.length), 60)
+    on = np.stack([np.interp(near, path.breaks, corners[:, k]) for k in (0, 1)], axis=1)
+    points = on + rng.uniform(0.5, 1.6, (60, 1)) * rng.normal(size=(60, 2))
+    foot = foot_point(path, points, near)
+    a, b = corners[:-1], corners[1:]
+    for q, p, c, distance in zip(points, near, on, norms(foot), strict=True):
+        error = np.linalg.norm(q - c)
+        inside = np.linalg.norm(corners - c, axis=1) <= 2 * error
+        k = int(np.searchsorted(path.breaks, p, side="right")) - 1
+        # joints passed either way until one lies outside, and the row in which that happens
+        ahead = np.flatnonzero(~inside[k + 1 :])
+        behind = np.flatnonzero(~inside[: k + 1])
+        last = k + ahead[0] if len(ahead) else len(a) - 1
+        first = behind[-1] if len(behind) else 0
+        rows = slice(first, last + 1)
+        along = b[rows] - a[rows]
+        t = np.sum((q - a[rows]) * along, axis=1) / np.sum(along**2, axis=1)
+        nearest = a[rows] + np.clip(t, 0, 1)[:, None] * along
+        expected = np.linalg.norm(nearest - q, axis=1).min()
+        assert_allclose(distance, expected, rtol=0, atol=ROUNDING)
+
+
 def blended():
     """Return three lines whose corners are rounded by Bézier rows that bend up to 1/(5 mm)."""
     first = [[0.09, 0.0], [0.096, 0], [0.1, 0], [0.1, 0], [0.1, 0.004], [0.1, 0.01]]
@@ -330,6 +396,32 @@ def test_traced_agrees_with_the_batch(name):
     traced = jax.jit(jax.vmap(lambda q, p: local_foot(cells, q, p, 0)))(points, near)
     for one, many in zip(traced, foot_point(contour, points, near), strict=True):
         assert_allclose(one, many, rtol=0, atol=1e-10)
+
+
+def test_in_a_loop_the_branch_and_the_lap_are_kept():
+    # a reference that passes the crossing of an eight twice, the corners of a square, their seams
+    rng, steps = np.random.default_rng(5), 400
+    square = Path.polyline([[0, 0], [1, 0], [1, 1], [0, 1]], closed=True)
+    for contour, error in ((Eight(), 0.02), (square, 0.05)):
+        start, end = map(float, contour.domain)
+        near = np.linspace(start - 0.1, end + 0.3, steps)
+        centre = np.asarray(jax.vmap(contour.position)(near))
+        points = centre + error * rng.uniform(-1, 1, centre.shape)
+        cells = cells_of(contour)
+
+        def step(piece, row, contour=contour, cells=cells):
+            q, at = row
+            piece = contour.locate(at, piece)
+            return piece, local_foot(cells, q, at, piece)
+
+        _, foot = jax.jit(lambda q, p, step=step: jax.lax.scan(step, jnp.int32(0), (q, p)))(
+            points, near
+        )
+        # a foot on another branch would be half the domain away, one in another lap all of it
+        assert np.max(np.abs(foot.parameter - near)) < 6 * error
+        batch = foot_point(contour, points, near)
+        assert_allclose(foot.parameter, batch.parameter, rtol=0, atol=1e-9)
+        assert_allclose(foot.vector, batch.vector, rtol=0, atol=1e-14)
 
 
 def test_gradients_against_differences():

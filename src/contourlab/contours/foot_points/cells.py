@@ -20,7 +20,7 @@ import jax.numpy as jnp
 
 from contourlab.contours.base import Contour
 from contourlab.contours.foot_points.arcs import nearest_on_arc, peak_on_arc
-from contourlab.contours.foot_points.scan import nearest_by_scan, peak_by_halving
+from contourlab.contours.foot_points.scan import along
 from contourlab.typing import Array
 
 __all__ = ["Cells", "placed"]
@@ -89,6 +89,10 @@ class Cells(eqx.Module):
         """Return point and derivatives over the row's own parameter."""
 
     @abc.abstractmethod
+    def rates(self, row: Array, part: Array) -> Array:
+        """Return bounds of |r'|, |r''| and |r'''| over the row's own parameter, shape (3,)."""
+
+    @abc.abstractmethod
     def simple_point(self, row: Array, s: Array) -> Array:
         """Return the point of a row that is a line or a planar arc."""
 
@@ -108,71 +112,93 @@ class Cells(eqx.Module):
         raw = jnp.floor(s / self.extent(row) * parts)
         return jnp.clip(jnp.nan_to_num(raw), 0, parts - 1).astype(jnp.int32)
 
-    def nearest(
-        self, row: Array, q: Array, low: Array, high: Array, wanted: Array
-    ) -> tuple[Array, Array]:
-        """Return the row's own parameter nearest to ``q`` in ``[low, high]``, and how near.
+    def on_arc(self, row: Array, q: Array, low: Array, high: Array) -> tuple[Array, Array]:
+        """Return the place nearest to ``q`` in a range of a line or a planar arc, and how near.
 
         Parameters
         ----------
         row, q
             The row, and the point, shape (n_axes,).
         low, high
-            Range inside one cell.
-        wanted
-            Whether the answer matters; it only saves work.
+            The range.
 
         Returns
         -------
         tuple
             The parameter, and the squared distance.
         """
-        wanted = wanted & (high > low)
-        curve = partial(self.curve, row)
-        if not self.any_simple:
-            return nearest_by_scan(curve, q, low, high, wanted)
-        simple, rate, vectors = self.arc(row)
+        _, rate, vectors = self.arc(row)
         s = nearest_on_arc(rate, vectors, q, low, high)
         d = self.simple_point(row, s) - q
+        return s, d @ d
+
+    def along(
+        self,
+        row: Array,
+        part: Array,
+        q: Array,
+        ball: tuple[Array, Array],
+        begin: Array,
+        end: Array,
+        known: Array,
+        wanted: Array,
+    ) -> tuple[Array, Array, Array]:
+        """Return the place nearest to ``q`` on the way through a cell, until a ball is left.
+
+        Parameters
+        ----------
+        row, part
+            The cell.
+        q, ball
+            The point, shape (n_axes,), and centre and squared radius of the ball.
+        begin, end
+            From where to where, inside the cell.
+        known
+            Squared distance known already.
+        wanted
+            Whether the answer matters; it only saves work.
+
+        Returns
+        -------
+        tuple
+            The parameter, the squared distance, and whether the ball was left.
+        """
+        curve, rates = partial(self.curve, row), self.rates(row, part)
+        if not self.any_simple:
+            return along(curve, rates, q, *ball, begin, end, known, wanted)
+        stop, over = self.cut(row, *ball, begin, end)
+        s, squared = self.on_arc(row, q, jnp.minimum(begin, stop), jnp.maximum(begin, stop))
         if self.closed_form:
-            return s, d @ d
-        at, squared = nearest_by_scan(curve, q, low, high, wanted & ~simple)
-        return jnp.where(simple, s, at), jnp.where(simple, d @ d, squared)
+            return s, squared, over
+        simple = self.arc(row)[0]
+        general = along(curve, rates, q, *ball, begin, end, known, wanted & ~simple)
+        three = zip((s, squared, over), general, strict=True)
+        at, squared, over = (jnp.where(simple, *pair) for pair in three)
+        return at, squared, over
+
+    def cut(
+        self, row: Array, c: Array, reach: Array, begin: Array, end: Array
+    ) -> tuple[Array, Array]:
+        """Return where to stop on a line or a planar arc, and whether the ball was left.
+
+        Parameters
+        ----------
+        row, c, reach
+            The row; centre, and squared radius of the ball.
+        begin, end
+            From where to where.
+        """
+        if self.straight:
+            return end, jnp.zeros((), bool)
+        _, rate, vectors = self.arc(row)
+        peak, squared = peak_on_arc(rate, vectors, c, begin, end)
+        over = squared > reach * (1.0 + 1e-12)
+        return jnp.where(over, peak, end), over
 
     def joint(self, row: Array, part: Array, sign: Array) -> Array:
         """Return the point where a cell ends, in the direction ``sign``."""
         low, high = self.bounds(row, part)
         return self.curve(row, jnp.where(sign > 0, high, low), 0)[0]
-
-    def peak(
-        self, row: Array, c: Array, start: Array, end: Array, wanted: Array
-    ) -> tuple[Array, Array]:
-        """Return where the distance from ``c`` first peaks inside a cell, and its square there.
-
-        Parameters
-        ----------
-        row, c
-            The row, and the centre of the ball, shape (n_axes,).
-        start, end
-            The range, from the one to the other, inside one cell.
-        wanted
-            Whether the answer matters.
-
-        Returns
-        -------
-        tuple
-            ``end`` and 0 where there is no peak.
-        """
-        wanted = wanted & (start != end)
-        curve = partial(self.curve, row)
-        if not self.any_simple:
-            return peak_by_halving(curve, c, start, end, wanted)
-        simple, rate, vectors = self.arc(row)
-        s, squared = peak_on_arc(rate, vectors, c, start, end)
-        if self.closed_form:
-            return s, squared
-        general, height = peak_by_halving(curve, c, start, end, wanted & ~simple)
-        return jnp.where(simple, s, general), jnp.where(simple, squared, height)
 
 
 def placed(contour: Contour, parameter: Array, row: Array) -> tuple[Array, Array, Array]:

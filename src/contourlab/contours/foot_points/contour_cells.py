@@ -6,13 +6,13 @@ import equinox as eqx
 
 from contourlab.contours.base import Contour
 from contourlab.contours.foot_points.cells import Cells
-from contourlab.contours.foot_points.formula_cells import FormulaCells, safe_errors
+from contourlab.contours.foot_points.formula_cells import FormulaCells, formula_tables
 from contourlab.contours.foot_points.path_cells import path_cells
 from contourlab.contours.path import Path
 
 __all__ = ["cells_of"]
 
-_safe_errors = eqx.filter_jit(safe_errors)
+_tables = eqx.filter_jit(formula_tables)
 
 
 def cells_of(contour: Contour) -> Cells:
@@ -27,4 +27,4 @@ def cells_of(contour: Contour) -> Cells:
     """
     if isinstance(contour, Path):
         return path_cells(contour)
-    return FormulaCells(contour, _safe_errors(contour))
+    return FormulaCells(contour, *_tables(contour))

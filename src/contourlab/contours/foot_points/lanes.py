@@ -1,32 +1,20 @@
-"""Many points at a time: chunks of few sizes, and what is done with their lanes on the host."""
+"""Many points at a time: chunks of few sizes, side by side."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from typing import Any
 
 import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from contourlab.contours.foot_points.local import Foot, Start
+__all__ = ["LARGE", "SMALL", "chunks", "padded", "side_by_side", "slices"]
 
-__all__ = [
-    "FEW",
-    "LARGE",
-    "SMALL",
-    "chunks",
-    "in_chunks",
-    "padded",
-    "rows_of",
-    "side_by_side",
-    "walkers_of",
-    "write_nearer",
-]
-
-LARGE, SMALL, FEW = 1 << 13, 1 << 11, 1 << 8
+LARGE, SMALL = 1 << 13, 1 << 11
 """Lanes of a chunk: of these sizes only, so that nothing is compiled for a new number of points."""
 
 Values = NDArray[Any]
@@ -43,11 +31,6 @@ def padded(values: Any, size: int) -> Any:
     return jax.tree.map(one, values)
 
 
-def rows_of(tree: Any, which: Any) -> Any:
-    """Return some rows of every array."""
-    return jax.tree.map(lambda x: x[which], tree)
-
-
 def chunks(n: int, size: int | None = None) -> list[tuple[slice, int]]:
     """Return slices that cover n points, each with the size that it is padded to.
 
@@ -61,6 +44,20 @@ def chunks(n: int, size: int | None = None) -> list[tuple[slice, int]]:
     """
     size = size or (SMALL if n <= 2 * SMALL else LARGE)
     return [(slice(at, min(at + size, n)), size) for at in range(0, n, size)]
+
+
+def slices(n: int, size: int) -> list[slice]:
+    """Return slices of about one length that cover n points.
+
+    Parameters
+    ----------
+    n
+        Number of points.
+    size
+        Of a slice, at most.
+    """
+    edges = np.linspace(0, n, -(-n // size) + 1).astype(int)
+    return [slice(int(a), int(b)) for a, b in pairwise(edges) if b > a]
 
 
 def side_by_side(work: Callable[..., None], jobs: Sequence[tuple[Any, ...]]) -> None:
@@ -79,63 +76,3 @@ def side_by_side(work: Callable[..., None], jobs: Sequence[tuple[Any, ...]]) -> 
         return
     with ThreadPoolExecutor(min(os.cpu_count() or 1, 8)) as pool:
         list(pool.map(work, *zip(*jobs, strict=True)))
-
-
-def in_chunks(work: Callable[..., Any], given: Any, size: int | None = None) -> Any:
-    """Return what a compiled function of some lanes makes of many, as NumPy arrays.
-
-    Parameters
-    ----------
-    work
-        Takes arrays of the rows of a chunk.
-    given
-        Its arguments, of any number of rows but 0.
-    size
-        As in :func:`chunks`.
-    """
-    parts = []
-    for at, lanes in chunks(len(given[0]), size):
-        done = work(*padded(rows_of(given, at), lanes))
-        parts.append(jax.tree.map(lambda x, m=at.stop - at.start: np.asarray(x)[:m], done))
-    return parts[0] if len(parts) == 1 else jax.tree.map(lambda *x: np.concatenate(x), *parts)
-
-
-def walkers_of(begun: Start, q: Values, lanes: Values) -> tuple[Values, Any]:
-    """Return whose the lanes are that go on, both ways, and point, ball, foot and walker of each.
-
-    Parameters
-    ----------
-    begun, q
-        Starts and points of a chunk.
-    lanes
-        Those that count.
-    """
-    ways = [lanes[np.asarray(w.left)[lanes] > 0] for w in (begun.ahead, begun.behind)]
-    owner = np.concatenate(ways)
-    walker = jax.tree.map(
-        lambda a, b: np.concatenate([np.asarray(a)[ways[0]], np.asarray(b)[ways[1]]]),
-        begun.ahead,
-        begun.behind,
-    )
-    rest = (q, begun.centre, begun.reach, begun.foot)
-    return owner, (*jax.tree.map(lambda x: np.asarray(x)[owner], rest), walker)
-
-
-def write_nearer(best: Foot, owner: Values, foot: Foot) -> None:
-    """Write into ``best`` what is nearer; both ways of one point may be among the lanes.
-
-    Parameters
-    ----------
-    best
-        One foot per point.
-    owner, foot
-        The point of every lane, in two rising runs, and its foot.
-    """
-    # in each half no owner comes twice
-    turn = np.flatnonzero(np.diff(owner) <= 0)
-    first = np.arange(len(owner)) <= (turn[0] if len(turn) else len(owner))
-    for half in (first, ~first):
-        at = owner[half]
-        nearer = foot.squared[half] < best.squared[at]
-        for whole, part in zip(best, foot, strict=True):
-            whole[at[nearer]] = part[half][nearer]

@@ -5,8 +5,13 @@ With e the distance of the point from the reference point r(near), the stretch i
 ends, or has gone round. The foot is the nearest point of all its cells.
 
 A foot point is never further than e from the point, hence never outside the ball. So a cell need
-not be cut where it leaves the ball: it is enough to cut it at the first peak of the distance from
-r(near) that is higher than 2e. Up to that peak whatever lies in the ball lies in the stretch.
+not be cut where it leaves the ball: up to the first peak of the distance from r(near) that is
+higher than 2e, whatever lies in the ball lies in the stretch.
+
+The work is bounded: two more cells than the contour has, ``INTERVALS`` looks in each, and
+``NEWTON_STEPS`` steps where a look finds a minimum, or ``BISECTIONS`` in a cell with a corner or a
+jump of curvature. One look is usual, and with an error small
+beside the radius of curvature a few cells, or on a formula contour four steps and no cells at all.
 
 Everything here is traceable, for one point; ``jax.vmap`` outside gives batches.
 """
@@ -170,9 +175,10 @@ def start(cells: Cells, q: Array, row: Array, s: Array, lap: Array) -> Start:
         return Start(centre, reach, foot, *walkers)
     # the closed form takes both sides of the reference point at once
     low, high = cells.bounds(row, part)
-    top, over_top = _cut(cells, row, centre, reach, s, high, moving)
-    bottom, over_bottom = _cut(cells, row, centre, reach, s, low, moving)
-    at, squared = cells.nearest(row, q, bottom, top, moving)
+    top, over_top = cells.cut(row, centre, reach, s, high)
+    bottom, over_bottom = cells.cut(row, centre, reach, s, low)
+    at, squared = cells.on_arc(row, q, bottom, top)
+    squared = jnp.where(moving, squared, jnp.inf)
     foot = better(foot, Foot(squared, row, at, lap))
     for k, over in enumerate((over_top, over_bottom)):
         walkers[k] = advance(cells, walkers[k], centre, reach, over)
@@ -198,8 +204,10 @@ def step(
     row, part, going = walker.row, walker.part, walker.left > 0
     low, high = cells.bounds(row, part)
     begin = walker.begin
-    end, over = _cut(cells, row, centre, reach, begin, jnp.where(walker.sign > 0, high, low), going)
-    at, squared = cells.nearest(row, q, jnp.minimum(begin, end), jnp.maximum(begin, end), going)
+    at, squared, over = cells.along(
+        row, part, q, (centre, reach), begin, jnp.where(walker.sign > 0, high, low),
+        foot.squared, going,
+    )  # fmt: skip
     squared = jnp.where(going, squared, jnp.inf)
     foot = better(foot, Foot(squared, row, at, walker.lap))
     return foot, advance(cells, walker, centre, reach, over)
@@ -274,17 +282,6 @@ def finish(cells: Cells, point: AxisVector, foot: Foot) -> FootPoint:
         )
     values = FootPoint(cells.parameter(row, s, lap), foot_position, vector, distance)
     return FootPoint(*(jnp.where(known, x, jnp.nan) for x in values))
-
-
-def _cut(
-    cells: Cells, row: Array, centre: Array, reach: Array, begin: Array, end: Array, wanted: Array
-) -> tuple[Array, Array]:
-    """Return where to stop looking in a cell, and whether the ball was left on the way."""
-    if cells.straight:
-        return end, jnp.zeros((), bool)
-    peak, squared = cells.peak(row, centre, begin, end, wanted)
-    over = squared > reach
-    return jnp.where(over, peak, end), over
 
 
 def better(foot: Foot, new: Foot) -> Foot:

@@ -12,8 +12,8 @@ import numpy as np
 
 from contourlab.configuration import is_concrete
 from contourlab.contours.bezier import chebyshev_value
-from contourlab.contours.foot_points.bezier_tables import BezierTables
 from contourlab.contours.foot_points.cells import Cells, placed
+from contourlab.contours.foot_points.path_table import derivative_bounds
 from contourlab.contours.helical import helical_derivatives
 from contourlab.contours.path import Path
 from contourlab.typing import Array
@@ -38,15 +38,9 @@ class PathCells(Cells):
     has_arcs: bool = eqx.field(static=True)
     has_helices: bool = eqx.field(static=True)
     has_beziers: bool = eqx.field(static=True)
-    lanes: str = eqx.field(static=True, default="any")
-    """Kind of the rows that are asked about: "any", or all "simple", "helix", "bezier" or
-    "whole": Bézier rows that are taken whole."""
-    tables: BezierTables | None = None
-    """Of the Bézier rows, for batches."""
 
-    def only(self, kind: str) -> PathCells:
-        """Return the same cells, to be asked about rows of one kind; neighbours may be any."""
-        return dataclasses.replace(self, lanes=kind)
+    bezier_rates: Array
+    """Bounds of |r'|, |r''| and |r'''| of the Bézier rows, shape (3, n_bezier_rows)."""
 
     @property
     def n_rows(self) -> int:
@@ -55,13 +49,13 @@ class PathCells(Cells):
 
     @property
     def closed_form(self) -> bool:
-        """Whether every row that is asked about is a line or a planar arc."""
-        return self.lanes == "simple" or not (self.has_helices or self.has_beziers)
+        """Whether every row is a line or a planar arc."""
+        return not (self.has_helices or self.has_beziers)
 
     @property
     def any_simple(self) -> bool:
         """Whether some row may be a line or a planar arc."""
-        return self.lanes in ("any", "simple") and (self.has_lines or self.has_arcs)
+        return self.has_lines or self.has_arcs
 
     @property
     def by_length(self) -> bool:
@@ -90,7 +84,7 @@ class PathCells(Cells):
         breaks = jnp.asarray(path.breaks)
         length = breaks[row + 1] - breaks[row]
         s = jnp.clip(s - (breaks[row] - breaks[0]), 0.0, length)
-        if self.lanes in ("any", "bezier", "whole") and self.has_beziers:
+        if self.has_beziers:
             u = chebyshev_value(self._inverse(row), 2.0 * s / length - 1.0)
             s = jnp.where(self._is_bezier(row), jnp.clip(u, 0.0, 1.0), s)
         return row, s, lap
@@ -100,7 +94,7 @@ class PathCells(Cells):
         path = self.contour
         breaks = jnp.asarray(path.breaks)
         length = breaks[row + 1] - breaks[row]
-        if self.lanes in ("any", "bezier", "whole") and self.has_beziers:
+        if self.has_beziers:
             s = jnp.where(self._is_bezier(row), self._bezier_length(row, s, length), s)
         return breaks[row] + s + lap * path.length
 
@@ -111,8 +105,6 @@ class PathCells(Cells):
             slope = self._bezier(row, u, 1)[1]
             return jnp.sqrt(slope @ slope)
 
-        if self.tables is not None:
-            return self.tables.length(self.table_row(row), self._inverse(row), length, u)
         nodes = u * (0.5 + 0.5 * jnp.asarray(_NODES))
         s = 0.5 * u * (jax.vmap(speed)(nodes) @ jnp.asarray(_WEIGHTS))
         off = chebyshev_value(self._inverse(row), 2.0 * s / length - 1.0) - u
@@ -144,7 +136,7 @@ class PathCells(Cells):
 
     def joint(self, row: Array, part: Array, sign: Array) -> Array:
         """Return the point where a cell ends."""
-        if not (self.closed_form or self.lanes == "whole"):
+        if not self.closed_form:
             return super().joint(row, part, sign)
         # past the end of an open path nothing is walked, and a closed one begins again
         after = jnp.where(row + 1 >= self.n_rows, 0, row + 1)
@@ -162,13 +154,22 @@ class PathCells(Cells):
             origin, tangent, _ = self.arc(row)[2]
             rows = [origin + s * tangent, tangent, jnp.zeros_like(tangent)]
             return jnp.stack(rows[: order + 1])
-        if self.lanes in ("simple", "helix") or not self.has_beziers:
+        if not self.has_beziers:
             return self._helical(row, s, order)
-        if self.lanes in ("bezier", "whole") or not (self.any_simple or self.has_helices):
+        if not (self.any_simple or self.has_helices):
             return self._bezier(row, s, order)
         return jnp.where(
             self._is_bezier(row), self._bezier(row, s, order), self._helical(row, s, order)
         )
+
+    def rates(self, row: Array, part: Array) -> Array:
+        """Return bounds of |r'|, |r''| and |r'''| over the row's own parameter, shape (3,)."""
+        rate = jnp.abs(self._rate(row))
+        bounds = jnp.stack([jnp.ones_like(rate), rate, rate * rate])
+        if self.has_beziers:
+            own = jnp.asarray(self.bezier_rates)[:, self.table_row(row)]
+            bounds = jnp.where(self._is_bezier(row), own, bounds)
+        return bounds
 
     def simple_point(self, row: Array, s: Array) -> Array:
         """Return the point of a line or a planar arc."""
@@ -237,7 +238,12 @@ def path_cells(path: Path) -> PathCells:
         lines = bool(np.any(own & ~turning))
         arcs = bool(np.any(own & turning & ~rising))
         helices = bool(np.any(own & turning & rising))
-    cells = PathCells(path, jnp.asarray(path.n_pieces, jnp.int32), lines, arcs, helices, beziers)
+    control = path.control_points
+    rates: Any = np.zeros((3, 0))
+    if beziers:
+        rates = derivative_bounds(control, np if is_concrete(control) else jnp)
+    count = jnp.asarray(path.n_pieces, jnp.int32)
+    cells = PathCells(path, count, lines, arcs, helices, beziers, rates)
     if cells.closed_form:
         return cells
     rows = jnp.arange(path.n_pieces, dtype=jnp.int32)
