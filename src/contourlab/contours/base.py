@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -11,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from contourlab.configuration import Configuration
+from contourlab.contours.level import Level
 from contourlab.errors import GeometryError
 from contourlab.typing import Array, AxisVector, Count, Derivatives, Scalar
 
@@ -197,6 +199,136 @@ class Contour(Configuration):
     def length(self) -> Scalar:
         """Length of the whole contour [m]."""
         return self.arc_length(*self.domain)
+
+    # -- implicit form ------------------------------------------------------------------------
+
+    @property
+    def has_level(self) -> bool:
+        """Whether the contour has an implicit form of its own, in closed form."""
+        return type(self).level_derivatives is not Contour.level_derivatives
+
+    def level(self, position: AxisVector) -> Scalar:
+        """Return the implicit form: 0 on the contour, > 0 on the right of the direction of travel.
+
+        Parameters
+        ----------
+        position
+            Shape (2,) [m].
+
+        Raises
+        ------
+        GeometryError
+            The contour has none.
+        """
+        return self.level_derivatives(position).value
+
+    def level_derivatives(self, position: AxisVector) -> Level:
+        """Return the implicit form, its gradient and its Hessian.
+
+        Parameters
+        ----------
+        position
+            Shape (2,) [m].
+
+        Raises
+        ------
+        GeometryError
+            The contour has none.
+        """
+        del position
+        raise GeometryError(
+            f"{type(self).__name__} has no implicit form of its own; "
+            "contours.SignedDistance makes one of any planar contour"
+        )
+
+    # -- transformations ----------------------------------------------------------------------
+
+    def translated(self, offset: Any) -> Contour:
+        """Return the contour shifted.
+
+        Parameters
+        ----------
+        offset
+            Shape (n_axes,) [m].
+
+        Raises
+        ------
+        GeometryError
+            An offset of another shape.
+        """
+        from contourlab.contours.transformations import translated  # which holds contours
+
+        return translated(self, offset)
+
+    def rotated(self, angle: Any, *, axis: Any = None, center: Any = None) -> Contour:
+        """Return the contour turned.
+
+        Parameters
+        ----------
+        angle
+            [rad]: counter-clockwise, in space as seen from the tip of the axis.
+        axis
+            In space: direction of the axis, shape (3,), of any length > 0.
+        center
+            Point that stays, shape (n_axes,) [m]; the origin when None.
+
+        Raises
+        ------
+        GeometryError
+            An axis that is missing, superfluous or zero; a contour of neither 2 nor 3 axes.
+        """
+        from contourlab.contours.transformations import rotated
+
+        return rotated(self, angle, axis=axis, center=center)
+
+    def scaled(self, factor: Any, *, center: Any = None) -> Contour:
+        """Return the contour scaled.
+
+        Parameters
+        ----------
+        factor
+            One number, or one for each axis, none 0. ``(1.0, -1.0)`` reflects a planar contour.
+        center
+            Point that stays, shape (n_axes,) [m]; the origin when None.
+
+        Raises
+        ------
+        GeometryError
+            A factor of 0 or of another shape; a path with helices scaled by different factors.
+        """
+        from contourlab.contours.transformations import scaled
+
+        return scaled(self, factor, center=center)
+
+    def reversed(self) -> Contour:
+        """Return the contour run from its end to its start, over the same domain.
+
+        The point at p is that of the original at start + end - p. Tangent, planar normal and
+        signed curvature change sign, and so does the implicit form.
+        """
+        from contourlab.contours.transformations import reversed_contour
+
+        return reversed_contour(self)
+
+    def between(self, start: Any, end: Any) -> Contour:
+        """Return the stretch between two parameters, as an open contour.
+
+        The parameter stays the same; that of a path, which is arc length, begins again at 0.
+
+        Parameters
+        ----------
+        start, end
+            Parameters, start < end: within the domain of an open contour, at most one round apart
+            on a closed one.
+
+        Raises
+        ------
+        GeometryError
+            Parameters out of order or out of the domain.
+        """
+        from contourlab.contours.transformations import between
+
+        return between(self, start, end)
 
 
 class ClosedFormContour(Contour):

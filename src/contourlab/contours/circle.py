@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from contourlab.configuration import real, static
 from contourlab.contours.base import ClosedFormContour, left_normal, unit
+from contourlab.contours.level import Level, quadratic_level
 from contourlab.errors import GeometryError
 from contourlab.typing import Array, AxisVector, Count, Derivatives, Scalar
 
@@ -167,8 +168,16 @@ class Circle(ClosedFormContour):
         rows = turning(first, -second if self.clockwise else second, parameter, order)
         return jnp.stack([self.center + rows[0], *rows[1:]])
 
-    def level(self, position: AxisVector) -> Scalar:
-        """Return the implicit form |p - center|² / radius² - 1: 0 on the circle, > 0 outside.
+    @property
+    def has_level(self) -> bool:
+        """Whether the circle is planar."""
+        return self.n_axes == 2
+
+    def level_derivatives(self, position: AxisVector) -> Level:
+        """Return the implicit form ±(|p - center|² / radius² - 1), its gradient and its Hessian.
+
+        0 on the circle, > 0 on the right of the direction of travel: outside, or inside if the
+        circle is clockwise.
 
         Parameters
         ----------
@@ -182,8 +191,10 @@ class Circle(ClosedFormContour):
         """
         if self.n_axes != 2:
             raise GeometryError("only a planar circle has an implicit form")
-        offset = (jnp.asarray(position) - self.center) / self.radius
-        return offset @ offset - 1.0
+        return quadratic_level(
+            jnp.asarray(position) - self.center, jnp.eye(2) / self.radius, jnp.zeros(2),
+            jnp.asarray(-1.0), -1.0 if self.clockwise else 1.0,
+        )  # fmt: skip
 
 
 class Arc(ClosedFormContour):

@@ -17,6 +17,7 @@ from jaxtyping import Float
 from contourlab.configuration import real
 from contourlab.contours.base import ClosedFormContour
 from contourlab.contours.circle import TURN, turning
+from contourlab.contours.level import Level, quadratic_level
 from contourlab.errors import GeometryError
 from contourlab.typing import Array, AxisVector, Count, Derivatives, Scalar
 
@@ -106,18 +107,21 @@ class Ellipse(ClosedFormContour):
         rows = turning(first, second, parameter, order)
         return jnp.stack([self.center + rows[0], *rows[1:]])
 
-    def level(self, position: AxisVector) -> Scalar:
-        """Return the implicit form x²/a² + y²/b² - 1: 0 on the ellipse, > 0 outside.
+    def level_derivatives(self, position: AxisVector) -> Level:
+        """Return the implicit form x²/a² + y²/b² - 1, its gradient and its Hessian.
+
+        0 on the ellipse, > 0 outside, which is on the right of the direction of travel.
 
         Parameters
         ----------
         position
             Shape (2,) [m].
         """
-        offset = jnp.asarray(position) - self.center
         first, second = self._arms()
-        along, across = offset @ first / (first @ first), offset @ second / (second @ second)
-        return along**2 + across**2 - 1.0
+        rows = jnp.stack([first / (first @ first), second / (second @ second)])
+        return quadratic_level(
+            jnp.asarray(position) - self.center, rows, jnp.zeros(2), jnp.asarray(-1.0)
+        )
 
     def _arms(self) -> tuple[AxisVector, AxisVector]:
         cosine, sine = jnp.cos(self.rotation), jnp.sin(self.rotation)

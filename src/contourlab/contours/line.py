@@ -7,9 +7,10 @@ import numpy as np
 from jaxtyping import Float
 
 from contourlab.configuration import real
-from contourlab.contours.base import ClosedFormContour
+from contourlab.contours.base import ClosedFormContour, left_normal
+from contourlab.contours.level import Level
 from contourlab.errors import GeometryError
-from contourlab.typing import Array, Count, Derivatives, Scalar
+from contourlab.typing import Array, AxisVector, Count, Derivatives, Scalar
 
 __all__ = ["Line"]
 
@@ -102,3 +103,27 @@ class Line(ClosedFormContour):
         rows = [start + tangent * parameter, tangent]
         rows += [jnp.zeros_like(tangent)] * (order - 1)
         return jnp.stack(rows[: order + 1])
+
+    @property
+    def has_level(self) -> bool:
+        """Whether the line is planar."""
+        return self.n_axes == 2
+
+    def level_derivatives(self, position: AxisVector) -> Level:
+        """Return the distance from the endless line [m], > 0 on its right, and its derivatives.
+
+        Parameters
+        ----------
+        position
+            Shape (2,) [m].
+
+        Raises
+        ------
+        GeometryError
+            The line is not planar.
+        """
+        if self.n_axes != 2:
+            raise GeometryError("only a planar line has an implicit form")
+        start = jnp.asarray(self.start)
+        right = -left_normal((jnp.asarray(self.end) - start) / self.length)
+        return Level(right @ (jnp.asarray(position) - start), right, jnp.zeros((2, 2)))
