@@ -234,13 +234,17 @@ def test_a_formula_enters_within_the_tolerance(tolerance):
         (lambda: Path.polyline([[0, 0]]), GeometryError, "two points or more"),
         (lambda: Path.polyline([[0, 0], [0, 0]]), GeometryError, "piece 0 must have a length"),
         (lambda: Path.polyline([[0, 0], [np.nan, 0]]), GeometryError, "piece 0 is not finite"),
-        (lambda: Path.join([]), GeometryError, "one piece or more"),
+        (lambda: Path.join([]), GeometryError, "one contour or more"),
         (
             lambda: Path.join([SQUARE, Path.polyline([[0, 0, 0], [1, 0, 0]])]),
             GeometryError,
-            "different numbers of axes",
+            "has 3 axes, but contour 0",
         ),
-        (lambda: Path.join([SQUARE, SQUARE.piece(1)]), GeometryError, "piece 3 ends 1 m away"),
+        (
+            lambda: Path.join([SQUARE, SQUARE.piece(1)]),
+            GeometryError,
+            "1 m away from the start of contour 1",
+        ),
         (lambda: SQUARE.piece(4), GeometryError, "0 .. 3, got 4"),
         (lambda: SQUARE.derivatives(0.0, -1), GeometryError, "order must be >= 0"),
         (

@@ -516,3 +516,17 @@ def test_a_side_without_effect_is_not_written():
     text = machine_to_toml(machine)
     assert "measured" not in text
     assert read_machine_text(text).dynamics.mass == 2.0
+
+
+def test_a_stiff_nominal_model_goes_to_a_file_and_back(tmp_path):
+    text = (
+        'command = "force"\n[[axis]]\nname = "X"\n'
+        "numerator = [1.0]\ndenominator = [1.0, 2.0, 9.0]\n"
+        "[axis.nominal]\nmass = 1.0\nviscous = 2.0\nstiffness = 9.0\n"
+    )
+    machine = read_machine_text(text)
+    assert_allclose(machine.nominal.stiffness, [9.0])
+    write_machine_file(machine, tmp_path / "m.toml")
+    assert_allclose(read_machine_file(tmp_path / "m.toml").nominal.stiffness, [9.0])
+    plain = read_machine_text(text.replace("stiffness = 9.0\n", ""))
+    assert plain.nominal.stiffness is None

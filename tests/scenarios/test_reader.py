@@ -446,3 +446,30 @@ def test_any_value_anywhere_gives_a_scenario_or_an_error_of_ours(folder, place, 
     else:
         message = ""
     assert "\n" not in message
+
+
+def test_laws_in_the_task_frame_go_by_their_names():
+    text = """
+[part]
+formula = "figure_eight"
+half_sizes = ["30 mm", "30 mm"]
+[feed]
+kind = "constant_feed"
+feed = "3 m/min"
+[machine]
+name = "meng_xy_stage"
+[[controller]]
+type = "first_order_task_frame"
+bandwidth_hz = [15.0, 100.0]
+[[controller]]
+type = "natural_local_task_frame"
+bandwidth_hz = [15.0, 100.0]
+estimate = "natural"
+curvature_rates = false
+"""
+    first, natural = (setup for setup in read_scenario_text(text).controllers.values())
+    assert type(first).__name__ == "FirstOrderTaskFrame"
+    assert (natural.estimate, natural.curvature_rates) == ("natural", False)
+    np.testing.assert_array_equal(natural.bandwidth_hz, [15.0, 100.0])
+    with pytest.raises(ScenarioError, match=r"bandwidth_hz must be \(tangential, normal\)"):
+        read_scenario_text(text.replace("[15.0, 100.0]", "[15.0]"))

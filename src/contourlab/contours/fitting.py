@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from math import comb
-from typing import Any
+from typing import Any, cast
 
 import jax
 import jax.numpy as jnp
@@ -16,11 +16,15 @@ from contourlab.contours.circle import TURN, Arc, Circle
 from contourlab.contours.ellipse import Ellipse
 from contourlab.contours.helix import Helix
 from contourlab.contours.line import Line
+from contourlab.contours.parabola import Parabola
 from contourlab.contours.path import Path
+from contourlab.contours.spline import Spline
+from contourlab.contours.transformations import Reversed, Transformed
+from contourlab.contours.transformed_path import similar_path
 from contourlab.errors import GeometryError
 from contourlab.typing import Array
 
-__all__ = ["path_from_contour"]
+__all__ = ["enters_exactly", "fitted_path", "path_from_contour"]
 
 _FIRST = 16
 """Stretches to begin with."""
@@ -47,16 +51,64 @@ def path_from_contour(contour: Contour, tolerance: float) -> Path:
     GeometryError
         A tolerance that is not > 0 or that cannot be met; a contour that stands still.
     """
+    return fitted_path(contour, tolerance)[0]
+
+
+def enters_exactly(contour: Contour) -> bool:
+    """Return whether a path can hold a contour to rounding.
+
+    Parameters
+    ----------
+    contour
+        Any.
+    """
+    if isinstance(contour, Reversed) or (isinstance(contour, Transformed) and contour.similarity):
+        return enters_exactly(contour.inner)
+    return isinstance(contour, Path | Line | Arc | Circle | Helix | Ellipse | Parabola | Spline)
+
+
+def fitted_path(contour: Contour, tolerance: float) -> tuple[Path, float]:
+    """Return a contour as a path, and how far the path leaves it [m].
+
+    Parameters
+    ----------
+    contour
+        What to follow.
+    tolerance
+        Greatest distance between the path and the contour, > 0 [m].
+
+    Returns
+    -------
+    path, reached
+        The path, and the greatest distance that was measured; 0 where it is exact.
+
+    Raises
+    ------
+    GeometryError
+        A tolerance that is not > 0 or that cannot be met; a contour that stands still.
+    """
     if not (np.isfinite(tolerance) and tolerance > 0.0):
         raise GeometryError(f"tolerance must be > 0 m, got {tolerance}")
     if isinstance(contour, Path):
-        return contour
+        return contour, 0.0
     if isinstance(contour, Line):
-        return Path.polyline(np.stack([contour.start, contour.end]))
+        return Path.polyline(np.stack([contour.start, contour.end])), 0.0
     if isinstance(contour, Arc | Circle | Helix):
-        return _round(contour)
+        return _round(contour), 0.0
     if isinstance(contour, Ellipse):
-        return _quarters(contour)
+        return _quarters(contour), 0.0
+    if isinstance(contour, Parabola):
+        return _one_quadratic(contour), 0.0
+    if isinstance(contour, Spline):
+        return contour.to_path(), 0.0
+    if isinstance(contour, Reversed):
+        path, reached = fitted_path(contour.inner, tolerance)
+        return cast(Path, path.reversed()), reached
+    if isinstance(contour, Transformed) and contour.similarity:
+        matrix = np.asarray(contour.matrix)
+        factor = float(np.linalg.norm(matrix, 2))
+        inner, reached = fitted_path(contour.inner, tolerance / factor)
+        return similar_path(inner, matrix, np.asarray(contour.offset), factor), factor * reached
     return _hermite(contour, tolerance)
 
 
@@ -95,13 +147,22 @@ def _quarters(ellipse: Ellipse) -> Path:
     return Path.from_bezier(control, weights, closed=True)
 
 
-def _hermite(contour: Contour, tolerance: float) -> Path:
+def _one_quadratic(parabola: Parabola) -> Path:
+    """Return a parabola as one quadratic Bézier curve."""
+    half = float(parabola.half_width)
+    first, last = _sampled(parabola, np.array([-half, half]), 1)
+    middle = first[0] + half * first[1]  # where the tangents at the two ends meet
+    return Path.from_bezier(np.stack([first[0], middle, last[0]])[None])
+
+
+def _hermite(contour: Contour, tolerance: float) -> tuple[Path, float]:
     start, end = (float(value) for value in contour.domain)
     if not (np.isfinite([start, end]).all() and end > start):
         raise GeometryError(f"the contour's domain must be finite, got {start:g} to {end:g}")
     edges = np.linspace(start, end, _FIRST + 1)
     low, high = edges[:-1], edges[1:]
     kept: list[tuple[Rows, Rows]] = []
+    reached = 0.0
     for _ in range(_DEEPEST + 1):
         control = _quintic(
             _sampled(contour, low, 2), _sampled(contour, high, 2), (high - low)[:, None]
@@ -113,6 +174,7 @@ def _hermite(contour: Contour, tolerance: float) -> Path:
             raise GeometryError(f"the contour is not finite at parameter {at:g}")
         distance = np.linalg.norm(_bernstein(_MEASURED, 5) @ control - exact, axis=2).max(axis=1)
         good = distance <= tolerance
+        reached = max(reached, float(distance[good].max(initial=0.0)))
         kept.append((low[good], control[good]))
         low, high = low[~good], high[~good]
         if len(low) == 0:
@@ -130,7 +192,7 @@ def _hermite(contour: Contour, tolerance: float) -> Path:
     control[1:, 0] = control[:-1, -1]
     if contour.closed:
         control[-1, -1] = control[0, 0]
-    return Path.from_bezier(control, closed=contour.closed)
+    return Path.from_bezier(control, closed=contour.closed), reached
 
 
 def _sampled(contour: Contour, parameters: Rows, order: int) -> Rows:

@@ -32,7 +32,7 @@ from contourlab.contours.bezier import bezier_derivatives
 from contourlab.contours.bezier_rows import bezier_rows
 from contourlab.contours.helical import helical_derivatives, helical_point
 from contourlab.contours.joints import CORNER, Joints, path_joints
-from contourlab.contours.path_rows import joined_fields, path_fields, positive_lengths
+from contourlab.contours.path_rows import path_fields, positive_lengths
 from contourlab.errors import GeometryError
 from contourlab.typing import Array, AxisVector, Count, Derivatives, Scalar
 
@@ -197,31 +197,42 @@ class Path(Contour):
         ))  # fmt: skip
 
     @staticmethod
-    def join(paths: Sequence[Path], *, closed: bool = False) -> Path:
-        """Return several paths end to end.
+    def join(
+        contours: Sequence[Contour], *, tolerance: float | None = None, closed: bool = False
+    ) -> Path:
+        """Return several contours end to end; :func:`contourlab.contours.join` says how closely.
+
+        Paths enter as they are; lines, arcs, circles, helices, ellipses, B-splines and NURBS
+        exactly; any other contour within a tolerance, which must then be given.
 
         Parameters
         ----------
-        paths
+        contours
             Each begins where the one before ends.
+        tolerance
+            Greatest distance from contours that a path cannot hold exactly, > 0 [m].
         closed
             Whether the end of the last is the start of the first.
 
         Raises
         ------
         GeometryError
-            None given, different numbers of axes, or ends that do not meet.
+            None given, different numbers of axes, ends that do not meet, a tolerance that is
+            missing or cannot be met.
         """
-        return Path(**joined_fields(paths, closed))
+        from contourlab.contours.joining import join  # which makes paths
+
+        return join(contours, tolerance=tolerance, closed=closed).path
 
     @staticmethod
     def from_contour(contour: Contour, tolerance: float) -> Path:
         """Return a contour as a path, of which the parameter is arc length.
 
-        Lines, arcs, circles, helices and ellipses enter exactly (to rounding). Any other contour is
-        followed by quintic Bézier curves that have its points and first two derivatives at their
-        ends; they are made shorter until the distance, measured at 32 places on each, is within the
-        tolerance. The contour must be smooth: make one path of each smooth stretch, and join them.
+        Lines, arcs, circles, helices, ellipses, B-splines and NURBS enter exactly (to rounding).
+        Any other contour is followed by quintic Bézier curves that have its points and first two
+        derivatives at their ends; they are made shorter until the distance, measured at 32 places
+        on each, is within the tolerance. The contour must be smooth: make one path of each smooth
+        stretch, and join them.
 
         Parameters
         ----------

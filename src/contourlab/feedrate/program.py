@@ -86,6 +86,8 @@ def _of_part(part: Part, feed: Any, rapid_feed: Any) -> Program:
     n = part.path.n_pieces
     rapid = np.asarray(part.rapid, bool)
     if feed is None:
+        if np.isnan(np.asarray(part.feed)[~rapid]).all() and not rapid.all():
+            raise FeedError(f"feed is missing: {part.source} has none of its own; give it")
         speed = np.where(rapid, np.inf, np.asarray(part.feed, float))
     else:
         speed = np.where(rapid, np.inf, _feeds(feed, n))

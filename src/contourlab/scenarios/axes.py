@@ -374,6 +374,7 @@ def nominal_of(section: MachineSection) -> NominalModel | None:
 
 def _nominal(command: Any, axes: Axes) -> NominalModel:
     rows: list[Any] = [axis.nominal for axis in axes]
+    stiff = any(row.stiffness is not None for row in rows)
     return NominalModel(
         mass=np.array([row.mass for row in rows]),
         viscous=np.array([row.viscous for row in rows]),
@@ -383,4 +384,5 @@ def _nominal(command: Any, axes: Axes) -> NominalModel:
             [math.inf if row.command_limit is None else row.command_limit for row in rows]
         ),
         command=command,
+        stiffness=np.array([row.stiffness or 0.0 for row in rows]) if stiff else None,
     )

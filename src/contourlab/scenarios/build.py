@@ -20,8 +20,10 @@ from contourlab.machines import Disturbance, Machine
 from contourlab.recordings.reference import Reference
 from contourlab.scenarios import registry
 from contourlab.scenarios.locate import Key
+from contourlab.scenarios.part_files import file_kind, read_part_file
 from contourlab.scenarios.schema import FeedSection, PartSection
 from contourlab.scenarios.values import KeyedError, at, make
+from contourlab.units import parse_quantity
 
 __all__ = [
     "build_contour", "build_controllers", "build_disturbance", "build_references",
@@ -52,12 +54,17 @@ def build_contour(
     KeyedError
         Something in it is wrong; says at which key.
     """
+    if section.file is not None and (kind := file_kind(section.file)) != "program":
+        for name in _OF_FILES:
+            if name in section.model_fields_set and name != "axes":
+                raise KeyedError(("part", name), f"goes with a part program, not with {kind}")
+        axes = tuple(section.axes) if section.axes is not None else names
+        part = read_part_file(kind, folder / section.file, axes, dict(section.model_extra or {}))
+        return part.path, part
     if section.file is not None:
         from contourlab.contours.gcode import read_gcode
 
-        start = tuple(section.start) if section.start is not None else (0.0, 0.0, 0.0)
-        if len(start) != 3:
-            raise KeyedError(("part", "start"), f"needs X, Y and Z, got {len(start)} values")
+        start = (0.0, 0.0, 0.0) if section.start is None else _program_start(section.start)
         # moves out of a plane are there to be left out: all three are read
         whole = tuple("XYZ") if section.plane is not None else names
         axes = tuple(section.axes) if section.axes is not None else whole
@@ -71,11 +78,21 @@ def build_contour(
             part = _restricted(section, part, names)
         return part.path, part
     for name in _OF_FILES:
-        if name in section.model_fields_set:
+        if name in section.model_fields_set and name != "start":
             raise KeyedError(("part", name), "goes with file, not with formula")
     with at("part", "formula"):
         cls = registry.lookup("formula", section.formula, registry.contours())
-    return make(cls, section.model_extra or {}, ("part",)), None
+    fields = dict(section.model_extra or {})
+    if section.start is not None:  # of a line or an arc
+        fields["start"] = section.start
+    return make(cls, fields, ("part",)), None
+
+
+def _program_start(values: list[Any]) -> tuple[float, ...]:
+    if len(values) != 3:
+        raise KeyedError(("part", "start"), f"needs X, Y and Z, got {len(values)} values")
+    with at("part", "start"):
+        return tuple(parse_quantity(value, "length", "start") for value in values)
 
 
 def _restricted(section: PartSection, part: Part, names: tuple[str, ...]) -> Part:

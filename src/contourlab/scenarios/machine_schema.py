@@ -168,6 +168,7 @@ class NominalSection(Section):
     coulomb: float = 0.0
     gain: float = 1.0
     command_limit: float | None = None
+    stiffness: float | None = None
 
 
 _KINDS = ("mass", "numerator", "two_mass", "ball_screw", "state_space")

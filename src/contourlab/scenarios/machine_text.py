@@ -309,6 +309,9 @@ def _write_nominal(machine: Machine, axes: list[Table]) -> None:
     tables = _sub(axes, "nominal")
     for name in ("mass", "viscous", "coulomb", "gain"):
         _put(tables, name, _column(f"nominal_model.{name}", getattr(model, name), len(axes)))
+    if model.stiffness is not None:
+        stiffness = _column("nominal_model.stiffness", model.stiffness, len(axes))
+        _put(tables, "stiffness", stiffness)
     limit = _column("nominal_model.command_limit", model.command_limit, len(axes))
     for table, value in zip(tables, limit, strict=True):
         if math.isfinite(value):

@@ -21,6 +21,7 @@ from contourlab.scenarios.build import (
 )
 from contourlab.scenarios.locate import Key, line_of
 from contourlab.scenarios.machine import build_machine
+from contourlab.scenarios.part_files import file_kind, options_of
 from contourlab.scenarios.scenario import Scenario, Setup
 from contourlab.scenarios.schema import MachineSection, PartSection, ScenarioSections
 from contourlab.scenarios.values import KeyedError
@@ -102,11 +103,21 @@ def read_scenario_text(
     except RecursionError:
         raise ScenarioError("not valid TOML: nested too deeply", file=name) from None
     if part is not None and isinstance(raw.get("part"), dict):
-        kept = {k: v for k, v in raw["part"].items() if k in PartSection.model_fields}
+        kept = _kept(raw["part"], str(part))
         raw["part"] = {**kept, "file": str(FilePath(part).absolute())}
         raw["part"].pop("formula", None)
     said = f"# part replaced on the command line by {part}\n" if part is not None else ""
     return _from_raw(raw, text, name, FilePath(folder), said)
+
+
+def _kept(section: dict[str, Any], part: str) -> dict[str, Any]:
+    """Return what stays of ``[part]`` when another file takes its place: what its kind takes."""
+    before = file_kind(section["file"]) if isinstance(section.get("file"), str) else "program"
+    after = file_kind(part)
+    allowed = {*PartSection.model_fields} if after == "program" else {"axes"}
+    if before == after:
+        allowed |= {*options_of(after)}
+    return {k: v for k, v in section.items() if k in allowed}
 
 
 def _from_raw(

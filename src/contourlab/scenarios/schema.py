@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from contourlab.recordings.corners import CORNER_RADIUS
 from contourlab.scenarios.machine_schema import AxisSection, MachineSection
+from contourlab.scenarios.part_files import file_kind
 from contourlab.scenarios.quantities import Angle, Length, Section, Time, Velocity
 
 __all__ = [
@@ -21,7 +22,10 @@ __all__ = [
 
 
 class PartSection(BaseModel):
-    """``[part]``: a file, or a formula with its fields."""
+    """``[part]``: a file, or a formula with its fields.
+
+    What goes with points and drawings alone is in :mod:`contourlab.scenarios.part_files`.
+    """
 
     model_config = ConfigDict(extra="allow", strict=True, frozen=True)
 
@@ -30,7 +34,8 @@ class PartSection(BaseModel):
     axes: list[str] | None = None
     default_units: Literal["mm", "inch"] = "mm"
     block_delete: bool = False
-    start: list[Length] | None = None
+    start: list[Any] | None = None
+    """As written: of a program three lengths, of some formulas a field of their own."""
     lines: list[int] | None = None
     plane: Literal["XY", "ZX", "YZ"] | None = None
     skip_rapids: bool = False
@@ -38,8 +43,11 @@ class PartSection(BaseModel):
     @model_validator(mode="after")
     def _one_of(self) -> PartSection:
         if (self.file is None) == (self.formula is None):
-            raise ValueError("give either file (a part program) or formula (a contour by name)")
-        if self.file is not None and self.model_extra:
+            raise ValueError(
+                "give either file (a part program, points or a drawing) or formula (a contour by "
+                "name)"
+            )
+        if self.file is not None and self.model_extra and file_kind(self.file) == "program":
             name = next(iter(self.model_extra))
             raise ValueError(
                 f"unknown key {name!r}; with file the allowed keys are axes, block_delete, "

@@ -1,0 +1,158 @@
+"""From the runs of a drawing to a part."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from contourlab.contours.cad.chains import chains_of, chosen, moves_of
+from contourlab.contours.cad.segments import MOST_SEGMENTS, Run, check_size
+from contourlab.contours.part import Part, make_part
+from contourlab.contours.path import Path
+from contourlab.errors import ConfigurationError, GeometryError, PartError
+
+__all__ = ["Drawing", "missing_extra"]
+
+
+class Drawing:
+    """What is read of a drawing, entity by entity.
+
+    Parameters
+    ----------
+    name
+        Of the file.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.runs: list[Run] = []
+        self.entities: list[str] = []
+        """What each entity is, in a few words."""
+        self.ignored: Counter[str] = Counter()
+        self.dropped = 0
+        """Segments of no length."""
+        self.warnings: list[str] = []
+        self._count = 0
+
+    def entity(self, description: str) -> int:
+        """Return the number, from 1, of another entity.
+
+        Parameters
+        ----------
+        description
+            What it is and where.
+        """
+        self.entities.append(description)
+        return len(self.entities)
+
+    def add(self, segments: Sequence[Any], entity: int, layer: str = "") -> None:
+        """Add segments that belong together.
+
+        Parameters
+        ----------
+        segments
+            Each begins where the one before ends.
+        entity
+            Which entity they come from.
+        layer
+            Where it lies.
+
+        Raises
+        ------
+        PartError
+            A number that is not finite or beyond any machine; too many segments.
+        """
+        check_size(segments, f"{self.name}: {self.entities[entity - 1]}")
+        kept = [one for one in segments if one.length > 0.0]
+        self.dropped += len(segments) - len(kept)
+        self._count += len(kept)
+        if self._count > MOST_SEGMENTS:
+            raise PartError(f"{self.name}: has more than {MOST_SEGMENTS} segments")
+        if kept:
+            self.runs.append(Run(kept, entity, layer))
+
+    def part(
+        self, *, axes: Sequence[str], gap: float, chain: int | None, reverse: bool, blend: float
+    ) -> Part:
+        """Return the part.
+
+        Parameters
+        ----------
+        axes
+            Coordinates of the contour.
+        gap
+            Ends nearer than this meet [m].
+        chain, reverse
+            Which chain, and whether it is run the other way.
+        blend
+            Tolerance within which corners may be rounded [m]; NaN to stop at them.
+
+        Raises
+        ------
+        PartError
+            Nothing to follow; several chains and none chosen; a curve with a cusp.
+        """
+        if not isinstance(reverse, bool):
+            raise ConfigurationError(f"reverse must be True or False, got {reverse!r}")
+        one = chosen(chains_of(self.runs, gap, self.name), chain, reverse, self.name)
+        try:
+            part = make_part(
+                moves_of(one), axes=axes, source=self.name, lines=self.entities,
+                warnings=self._said(),
+            )  # fmt: skip
+            part = replace(part, blend=np.full(part.n_pieces, blend))
+            if one.closed:
+                part = replace(part, path=_closed(part.path))
+        except GeometryError as error:
+            raise PartError(f"{self.name}: {error}") from None
+        return part
+
+    def _said(self) -> list[str]:
+        said = list(self.warnings)
+        if self.ignored:
+            kinds = ", ".join(f"{kind} ({count})" for kind, count in sorted(self.ignored.items()))
+            said.append(f"entities that are no path were left out: {kinds}")
+        if self.dropped:
+            said.append(f"{self.dropped} segments of no length were left out")
+        return said
+
+
+def _closed(path: Path) -> Path:
+    """Return the same pieces as a path that goes round."""
+    return Path.join([path], closed=True)
+
+
+def missing_extra(package: str, what: str) -> ConfigurationError:
+    """Return the error of a package that is not installed.
+
+    Parameters
+    ----------
+    package
+        Its name.
+    what
+        What it is needed for.
+    """
+    return ConfigurationError(
+        f"{what} needs {package}, which is not installed: pip install contourlab[cad]"
+    )
+
+
+def check_names(what: str, names: Sequence[str], known: Mapping[str, Any]) -> None:
+    """Raise PartError unless all names are known ones.
+
+    Parameters
+    ----------
+    what
+        Of what they are names.
+    names, known
+        As asked, as there are.
+    """
+    from contourlab.errors import choices
+
+    for one in names:
+        if one not in known:
+            raise PartError(f"no {what} {one!r}; {choices(one, known)}")
