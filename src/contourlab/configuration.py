@@ -12,6 +12,7 @@ skipped for traced values, which have no value yet.
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar, cast, dataclass_transform
 
@@ -30,6 +31,7 @@ __all__ = [
     "replace",
     "replace_at",
     "resolve",
+    "snake_case",
     "static",
 ]
 
@@ -236,6 +238,22 @@ def check_static(
         isinstance(value, bool) or not isinstance(value, int | np.integer) or value < minimum
     ):
         raise ConfigurationError(f"{name} must be a whole number >= {minimum}, got {value!r}")
+
+
+def snake_case(name: str) -> str:
+    """Return a class name as it is written in scenarios and on the command line.
+
+    Parameters
+    ----------
+    name
+        In capitals and small letters.
+
+    Examples
+    --------
+    >>> snake_case("CrossCoupled")
+    'cross_coupled'
+    """
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
 
 
 T = TypeVar("T")

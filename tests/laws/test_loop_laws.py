@@ -10,7 +10,13 @@ import contourlab as cl
 from contourlab import controllers
 from contourlab.contour_errors import OsculatingCircleEstimator, TangentEstimator
 from contourlab.contours import Ellipse, Line
-from contourlab.controllers import AxisPid, Cascade, CrossCoupled
+from contourlab.controllers import (
+    AxisPid,
+    Cascade,
+    CrossCoupled,
+    FirstOrderTaskFrame,
+    NaturalLocalTaskFrame,
+)
 from contourlab.machines import Drive, Encoder, Machine, RigidAxes
 from contourlab.recordings import Reference
 
@@ -37,6 +43,12 @@ LAWS = {
     "CrossCoupled, tangent": lambda model: CrossCoupled(
         axis=pid(model), estimator=TangentEstimator(), kp=2e5, kd=200.0
     ),
+    "FirstOrderTaskFrame": lambda model: FirstOrderTaskFrame(
+        model=model, bandwidth_hz=(15.0, 40.0)
+    ),
+    "NaturalLocalTaskFrame": lambda model: NaturalLocalTaskFrame(
+        model=model, bandwidth_hz=(15.0, 40.0)
+    ),
 }
 MACHINE = stage()
 
@@ -47,7 +59,7 @@ def test_no_law_is_left_out():
         for name in controllers.__all__
         if isinstance(getattr(controllers, name), type)
         and issubclass(getattr(controllers, name), controllers.Controller)
-        and name not in ("Controller", "AxisController")
+        and name not in ("Controller", "AxisController", "TaskFrameController")
     }
     assert concrete == {name.partition(",")[0] for name in LAWS}
 

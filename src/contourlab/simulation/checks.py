@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 
 import jax
 import numpy as np
 
+from contourlab.configuration import snake_case
 from contourlab.controllers.base import Controller
 from contourlab.errors import RefusedError, SimulationError, TravelError
 from contourlab.feedrate import Plan
@@ -22,22 +22,6 @@ __all__ = [
     "check_travel",
     "snake_case",
 ]
-
-
-def snake_case(name: str) -> str:
-    """Return a class name as it is written in scenarios and on the command line.
-
-    Parameters
-    ----------
-    name
-        In capitals and small letters.
-
-    Examples
-    --------
-    >>> snake_case("CrossCoupled")
-    'cross_coupled'
-    """
-    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
 
 
 def check_loop(machine: Machine, controller: Controller, reference: Reference) -> None:

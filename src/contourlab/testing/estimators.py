@@ -16,6 +16,7 @@ from contourlab.contour_errors.base import Estimator, EstimatorNeeds
 from contourlab.contours.base import Contour
 from contourlab.contours.ellipse import Ellipse
 from contourlab.contours.helix import Helix
+from contourlab.contours.level import Level, transformed_level
 from contourlab.contours.line import Line
 from contourlab.errors import RefusedError
 from contourlab.recordings.reference import Reference
@@ -73,6 +74,21 @@ class Reversed(Contour):
         start, end = self.domain
         return self.forwards.position(start + end - parameter)
 
+    @property
+    def has_level(self) -> bool:
+        """Whether the curve has an implicit form."""
+        return self.forwards.has_level
+
+    def level_derivatives(self, position: AxisVector) -> Level:
+        """Return the implicit form, of the other sign.
+
+        Parameters
+        ----------
+        position
+            Shape (2,) [m].
+        """
+        return transformed_level(self.forwards.level_derivatives(position), jnp.eye(2), -1.0)
+
 
 class Rotated(Contour):
     """A curve turned about the origin."""
@@ -106,6 +122,22 @@ class Rotated(Contour):
             As in the contour.
         """
         return jnp.asarray(self.rotation) @ self.original.position(parameter, piece)
+
+    @property
+    def has_level(self) -> bool:
+        """Whether the curve has an implicit form."""
+        return self.original.has_level
+
+    def level_derivatives(self, position: AxisVector) -> Level:
+        """Return the implicit form, turned.
+
+        Parameters
+        ----------
+        position
+            Shape (2,) [m].
+        """
+        inverse = jnp.asarray(self.rotation).T
+        return transformed_level(self.original.level_derivatives(inverse @ position), inverse, 1.0)
 
 
 def check_estimator(

@@ -1,0 +1,143 @@
+"""``contourlab estimate-accuracy`` as a user runs it."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from contourlab.cli import main as program
+
+PART = "G21 G90 G17\nG1 X20 Y0 F3000\nG3 X25 Y5 I0 J5\nG1 Y20\nM2\n"
+FEW = ("--estimators", "tangent,osculating-circle", "--points", "20")
+
+
+@pytest.fixture
+def contourlab(tmp_path, monkeypatch, capsys):
+    """Run the program in this process, in an empty folder; its compile cache stays as it is."""
+    # the program leaves interrupts ignored, which the test run must not
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys.modules["contourlab.cli.main"], "_prepare", lambda: None)
+
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["contourlab", "estimate-accuracy", *arguments])
+        with pytest.raises(SystemExit) as stopped:
+            program()
+        return stopped.value.code or 0, *capsys.readouterr()
+
+    return run
+
+
+def test_json_has_the_promised_rows(contourlab):
+    status, out, errors = contourlab(
+        "--contours", "ellipse,helix", "--lag", "0.5 mm,1 mm", "--offset", "10 um", "--json",
+        "--estimators", "tangent,variable-gain", "--points", "20",
+    )  # fmt: skip
+    assert status == 0, errors
+    found = json.loads(out)
+    assert found["schema"] == "contourlab.estimate-accuracy/1"
+    assert [(r["contour"], r["estimator"], r["lag"]) for r in found["rows"]] == [
+        ("ellipse", "tangent", 5e-4), ("ellipse", "tangent", 1e-3),
+        ("ellipse", "variable_gain", 5e-4), ("ellipse", "variable_gain", 1e-3),
+        ("helix", "tangent", 5e-4), ("helix", "tangent", 1e-3),
+        ("helix", "variable_gain", 5e-4), ("helix", "variable_gain", 1e-3),
+    ]  # fmt: skip
+    for row in found["rows"]:
+        assert row["offset"] == pytest.approx(1e-5, rel=1e-15)
+        figures = [row[name] for name in ("error_mean", "error_max", "cost_ns")]
+        if row["contour"] == "helix" and row["estimator"] == "variable_gain":
+            assert figures == [None] * 3
+            assert "2 coordinates" in row["note"]
+        else:
+            assert 0.0 < figures[0] <= figures[1] < 1e-3
+            assert figures[2] > 0.0
+    assert [c["description"] for c in found["contours"]] == [
+        "Ellipse(semi_axes=(0.03, 0.01))", "Helix(radius=0.03, pitch=0.1, turns=2)"
+    ]  # fmt: skip
+
+
+def test_files_and_tables(contourlab, tmp_path):
+    (tmp_path / "part.ngc").write_text(PART)
+    options = ("--part", "part.ngc", "--axes", "xy", "--lag", "0.2 mm,1 mm", *FEW)
+    status, out, errors = contourlab(*options, "--output", "out")
+    assert status == 0, errors
+    assert "part: Path(" in out
+    assert "1 mm" in out
+    assert "osculating_circle" in out
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {
+        "accuracy.json", "accuracy.csv", "accuracy.png"
+    }  # fmt: skip
+    table = pd.read_csv(tmp_path / "out" / "accuracy.csv")
+    rows = json.loads((tmp_path / "out" / "accuracy.json").read_text())["rows"]
+    assert table.error_max.tolist() == [row["error_max"] for row in rows]
+    # across the joints a circle that has ended, or not begun, is off by no more than κ lag² / 2
+    assert table.error_max.max() <= 200.0 * 1e-3**2 / 2
+    assert (tmp_path / "out" / "accuracy.png").read_bytes().startswith(b"\x89PNG")
+    status, _, errors = contourlab(*options, "--output", "out")
+    assert status == 2, errors
+    assert "exists already" in errors
+    status, out, errors = contourlab(*options, "--output", "out", "--force", "--json")
+    assert status == 0, errors
+    assert len(json.loads(out)["files"]) == 3
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--contours", "elipse"], "unknown contour 'elipse'; did you mean ellipse? Allowed: arc,"),
+        (["--estimators", "circle"], "unknown estimator 'circle'"),
+        (["--lag", "1"], "lag = '1': the unit is missing"),
+        (["--lag", "-1 mm"], "lag must be >= 0 m and finite, got -0.001"),
+        (["--lag", "nan mm"], "lag must be a length, got 'nan mm'"),
+        (["--offset", "10 s"], "unit 's' is not one of length"),
+        (["--feed", "3000"], "feed = '3000': the unit is missing"),
+        (["--feed", "0 mm/min"], "feed must be > 0 m/s"),
+        (["--resolution", "-1 um"], "resolution must be >= 0 m"),
+        (["--sample-time", "1 mm"], "unit 'mm' is not one of time"),
+        (["--points", "0"], "points must be a whole number from 2 to"),
+        (["--contours", "helix", "--estimators", "variable-gain"], "nothing can be judged"),
+        (["--part", "none.ngc"], "none.ngc"),
+        (["--part", "p.ngc", "--axes", "XQ"], "axes must be two or three different ones"),
+    ],
+)
+def test_mistakes_give_one_sentence_and_status_2(contourlab, tmp_path, arguments, message):
+    (tmp_path / "p.ngc").write_text(PART)
+    status, out, errors = contourlab(*arguments, "--output", "out", "--json")
+    assert status == 2, errors
+    assert message in errors
+    assert errors.count("\n") == 1
+    assert out == ""
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_interrupt_leaves_no_file(tmp_path):
+    process = subprocess.Popen(
+        [sys.executable, "-m", "contourlab", "estimate-accuracy", "--output", "out",
+         "--sample-time", "0.01 ms"],
+        cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        # a shell that runs the tests in the background has them ignore the signal
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )  # fmt: skip
+    own = Path(f"/proc/{process.pid}")
+    for _ in range(600):  # until the command, no longer a copy of this process, has loaded JAX
+        if not own.exists():
+            break
+        started = b"estimate-accuracy" in (own / "cmdline").read_bytes()
+        if started and "jaxlib" in (own / "maps").read_text():
+            break
+        time.sleep(0.1)
+    time.sleep(0.5)
+    for _ in range(100):  # one that falls into a destructor is lost, as for a user
+        process.send_signal(signal.SIGINT)
+        try:
+            _, errors = process.communicate(timeout=5.0)
+            break
+        except subprocess.TimeoutExpired:
+            continue
+    assert process.returncode == 130, errors
+    assert not (tmp_path / "out").exists()
