@@ -272,3 +272,34 @@ def test_gains_in_a_list_of_one_hold_for_every_axis_and_batches_are_not_bound():
     assert_array_equal(AxisPid(model=model(), kp=[3.0]).bind(line, T).kp, [3.0, 3.0])
     with pytest.raises(ConfigurationError, match=r"kp must be one number .* got shape \(4, 2\)"):
         AxisPid(model=model(), kp=np.ones((4, 2))).bind(line, T)
+
+
+def test_stiffness_is_fed_forward_and_placed_with_the_poles():
+    spring = model(stiffness=[50.0, 80.0])
+    fields = {"kp": 0.0, "ki": 0.0, "kd": 0.0, "acceleration_feed_forward": 0.0,
+              "friction_feed_forward": 0.0, "velocity_feed_forward": 1.0}  # fmt: skip
+    line = Line(start=(0.01, 0.02), end=(0.04, 0.03))
+    law = full(model=spring, **fields)
+    samples = make_samples(line, 10, T, law.needs)
+    commands, _ = run(law.bind(line, T), samples)
+    wanted = (
+        np.array([50.0, 80.0]) * samples.reference.position
+        + np.array([4.0, 7.0]) * samples.reference.velocity
+    ) / np.array([2.0, 1.5])
+    assert_allclose(commands, wanted, rtol=1e-12)
+    placed = AxisPid.by_pole_placement(spring, 10.0)
+    # M s³ + (B + K kd) s² + (S + K kp) s + K ki has the three roots
+    omega = 2.0 * np.pi * 10.0
+    for axis in range(2):
+        m, b, s, k = (float(np.asarray(getattr(spring, name))[axis])
+                      for name in ("mass", "viscous", "stiffness", "gain"))  # fmt: skip
+        gains = [
+            float(np.broadcast_to(getattr(placed, name), 2)[axis]) for name in ("kp", "ki", "kd")
+        ]
+        found = np.roots([m, b + k * gains[2], s + k * gains[0], k * gains[1]])
+        wanted = np.roots(np.convolve([1.0, omega], [1.0, 1.4 * omega, omega**2]))
+        assert_allclose(np.sort_complex(found), np.sort_complex(wanted), rtol=1e-9)
+    with pytest.raises(ConfigurationError, match="own stiffness is more than the poles ask for"):
+        AxisPid.by_pole_placement(model(stiffness=[1e6, 0.0]), 10.0)
+    with pytest.raises(ConfigurationError, match="by_bandwidth is for axes without stiffness"):
+        Cascade.by_bandwidth(spring, 40.0, 40.0)

@@ -129,10 +129,10 @@ class AxisPid(AxisController):
         On the nominal model without Coulomb friction the poles are those of
         (s + α ω) (s² + 2 ζ ω s + ω²), with
 
-            kp = (1 + 2 ζ α) ω² M / K,   ki = α ω³ M / K,   kd = ((2 ζ + α) ω M - B) / K.
+            kp = ((1 + 2 ζ α) ω² M - S) / K,   ki = α ω³ M / K,   kd = ((2 ζ + α) ω M - B) / K.
 
-        The continuous loop is placed: keep ω some 20 times below the sampling rate [rad/s], and the
-        cut-off of the derivative some 10 times above ω.
+        S, the stiffness, is 0 on most axes. The continuous loop is placed: keep ω some 20 times
+        below the sampling rate [rad/s], and the cut-off of the derivative some 10 times above ω.
 
         Parameters
         ----------
@@ -151,7 +151,7 @@ class AxisPid(AxisController):
         ------
         ConfigurationError
             A value that is not > 0, or neither one number nor one per axis; a bandwidth so low
-            that kd would be negative.
+            that kd or kp would be negative.
         """
         refuse_no_model(model)
         n = model.n_axes
@@ -166,9 +166,16 @@ class AxisPid(AxisController):
                 f"bandwidth_hz must be >= {least:.3g} Hz, got {bandwidth_hz}: below that the "
                 "axis's own damping is more than the poles ask for and kd would be negative"
             )
+        stiffness = 0.0 if model.stiffness is None else np.asarray(model.stiffness)
+        kp = ((1.0 + 2.0 * zeta * alpha) * omega**2 * mass - stiffness) / gain
+        if np.any(kp < 0.0):
+            raise ConfigurationError(
+                f"bandwidth_hz must be higher, got {bandwidth_hz}: the axis's own stiffness is "
+                "more than the poles ask for and kp would be negative"
+            )
         return AxisPid(
             model=model,
-            kp=(1.0 + 2.0 * zeta * alpha) * omega**2 * mass / gain,
+            kp=kp,
             ki=alpha * omega**3 * mass / gain,
             kd=kd,
             **settings,

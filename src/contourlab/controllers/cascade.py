@@ -172,7 +172,7 @@ class Cascade(AxisController):
         ------
         ConfigurationError
             A value that is not > 0, or neither one number nor one per axis; a bandwidth so low
-            that k_p would be negative; a machine that takes a velocity.
+            that k_p would be negative; a machine that takes a velocity; axes with stiffness.
         RefusedError
             The model is commanded by positions.
         """
@@ -183,6 +183,11 @@ class Cascade(AxisController):
                 "by_bandwidth is for machines that take a force or a voltage; this one takes a "
                 "velocity, its drive closes the velocity loop itself: use "
                 "Cascade(position_gain=...)"
+            )
+        if model.stiffness is not None and np.any(np.asarray(model.stiffness) > 0.0):
+            raise ConfigurationError(
+                "by_bandwidth is for axes without stiffness: against a spring the velocity loop "
+                "does not have these poles; give the gains"
             )
         n = model.n_axes
         bandwidth = checked_per_axis("velocity_bandwidth_hz", velocity_bandwidth_hz, n, above=0.0)

@@ -1,6 +1,9 @@
 """Feed-forward from the reference through the nominal model, with a share of each of its terms.
 
-    u = (share_a M r'' + share_v B r' + share_f F_c s(r')) / K
+    u = (share_a M r'' + share_v (B r' + S r) + share_f F_c s(r')) / K
+
+S, the stiffness of axes that are held by a spring, goes with the viscous term: both are what a
+steady motion takes.
 
 The sign of the Coulomb term is that of the *reference* velocity: it neither lags nor chatters. It
 is smooth, s(v) = tanh(v / v_s): full friction is an even bet while the axis turns round, and a jump
@@ -34,12 +37,15 @@ class ModelFeedForward(Configuration):
         Command against Coulomb friction, shape (n_axes,).
     friction_velocity
         Reference speed at which the smooth sign has reached 0.76 [m/s].
+    position
+        Command per position, shape (n_axes,); None on axes without stiffness.
     """
 
     acceleration: Float[Array, " ..."] = real(ndim=1)
     velocity: Float[Array, " ..."] = real(ndim=1)
     friction: Float[Array, " ..."] = real(ndim=1)
     friction_velocity: Float[Array, " ..."] = real(unit="m/s", above=0.0)
+    position: Float[Array, " ..."] | None = real(ndim=1, default=None)
 
     @staticmethod
     def of_model(
@@ -61,11 +67,13 @@ class ModelFeedForward(Configuration):
         friction_velocity
             Width of the smooth sign [m/s], one number or one per axis.
         """
-        n = model.n_axes
+        n, stiffness = model.n_axes, model.stiffness
+        share = per_axis("velocity_feed_forward", velocity, n)
         return ModelFeedForward(
             acceleration=per_axis("acceleration_feed_forward", acceleration, n)
             * (model.mass / model.gain),
-            velocity=per_axis("velocity_feed_forward", velocity, n) * (model.viscous / model.gain),
+            velocity=share * (model.viscous / model.gain),
+            position=None if stiffness is None else share * (stiffness / model.gain),
             friction=per_axis("friction_feed_forward", friction, n) * (model.coulomb / model.gain),
             friction_velocity=per_axis("friction_velocity", friction_velocity, n),
         )
@@ -79,8 +87,10 @@ class ModelFeedForward(Configuration):
             The reference now.
         """
         sign = jnp.tanh(reference.velocity / self.friction_velocity)
+        held = 0.0 if self.position is None else self.position * reference.position
         return (
-            self.acceleration * reference.acceleration
+            held
+            + self.acceleration * reference.acceleration
             + self.velocity * reference.velocity
             + self.friction * sign
         )

@@ -30,6 +30,7 @@ from contourlab.machines.examples import (
 )
 from contourlab.machines.friction import Friction
 from contourlab.machines.geometric_errors import GeometricErrors, PositionError, Squareness
+from contourlab.machines.lagged import LaggedAxes
 from contourlab.machines.machine import BoundMachine, Machine, MachineState
 from contourlab.machines.rigid import RigidAxes
 from contourlab.machines.state_space import StateSpaceAxes
@@ -50,6 +51,7 @@ __all__ = [
     "Friction",
     "GeometricErrors",
     "IdentityTool",
+    "LaggedAxes",
     "LinearModel",
     "LinearTool",
     "Machine",

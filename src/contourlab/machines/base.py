@@ -73,9 +73,10 @@ def per_axis(name: str, value: Any, n_axes: int) -> Array:
 class NominalModel(Configuration):
     """What a control law believes of its machine, axis by axis.
 
-        M q'' + B q' + F_c sign(q') = K u
+        M q'' + B q' + S q + F_c sign(q') = K u
 
-    with u the command of the stated kind. A drive that closes its own velocity loop with a time
+    with u the command of the stated kind. S is the stiffness of axes that a spring, or a loop of
+    their own, holds at q = 0; most have none. A drive that closes its own velocity loop with a time
     constant τ is the same equation with M = τ, B = 1, K = 1 and u a velocity.
     """
 
@@ -90,14 +91,17 @@ class NominalModel(Configuration):
     command_limit: Float[Array, " ..."] = real(above=0.0, finite=False)
     """Largest magnitude of the command; infinite if there is none."""
     command: CommandKind = static(allowed=COMMAND_KINDS)
+    stiffness: Float[Array, " ..."] | None = real(minimum=0.0, default=None)
+    """S, in effort per m; none if not given."""
 
     def check(self) -> None:
         """Check that every field has one value per axis."""
-        for name in ("mass", "viscous", "coulomb", "gain", "command_limit"):
-            if np.shape(getattr(self, name))[-1:] != np.shape(self.mass)[-1:]:
+        for name in ("mass", "viscous", "coulomb", "gain", "command_limit", "stiffness"):
+            value = getattr(self, name)
+            if value is not None and np.shape(value)[-1:] != np.shape(self.mass)[-1:]:
                 raise ConfigurationError(
                     f"{name} must have one value per axis, {np.shape(self.mass)[-1:]}, "
-                    f"got shape {np.shape(getattr(self, name))}"
+                    f"got shape {np.shape(value)}"
                 )
 
     @property
@@ -106,7 +110,7 @@ class NominalModel(Configuration):
         return int(np.shape(self.mass)[-1])
 
     def feed_forward(self, velocity: AxisVector, acceleration: AxisVector) -> AxisVector:
-        """Return the command that the model needs for a motion, friction apart.
+        """Return the command that the model needs for a motion, friction and stiffness apart.
 
         Parameters
         ----------

@@ -1,5 +1,9 @@
 """Machines of published papers, one file each, with what the source leaves open."""
 
-from contourlab.machines.published.meng import meng_simulated_axes, meng_xy_stage
+from contourlab.machines.published.meng import (
+    meng_emulated_stage,
+    meng_simulated_axes,
+    meng_xy_stage,
+)
 
-__all__ = ["meng_simulated_axes", "meng_xy_stage"]
+__all__ = ["meng_emulated_stage", "meng_simulated_axes", "meng_xy_stage"]
