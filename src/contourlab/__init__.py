@@ -20,13 +20,15 @@ __version__ = "0.1.0"
 
 _PACKAGES = (
     "configuration", "contour_errors", "contours", "controllers", "errors", "feedrate", "machines",
-    "recordings", "reports", "scenarios", "simulation", "testing", "typing", "units",
+    "papers", "recordings", "reports", "scenarios", "simulation", "testing", "typing", "units",
 )  # fmt: skip
 _NAMES = {
     "Comparison": "contourlab.simulation",
     "Recording": "contourlab.recordings",
     "compare": "contourlab.simulation",
+    "estimate_accuracy": "contourlab.contour_errors",
     "replace": "contourlab.configuration",
+    "reproduce": "contourlab.papers",
     "simulate": "contourlab.simulation",
     "simulate_many": "contourlab.simulation",
 }
@@ -63,6 +65,7 @@ if TYPE_CHECKING:
         errors,
         feedrate,
         machines,
+        papers,
         recordings,
         reports,
         scenarios,
@@ -72,6 +75,8 @@ if TYPE_CHECKING:
         units,
     )
     from contourlab.configuration import replace
+    from contourlab.contour_errors import estimate_accuracy
+    from contourlab.papers import reproduce
     from contourlab.recordings import Recording
     from contourlab.simulation import Comparison, compare, simulate, simulate_many
 

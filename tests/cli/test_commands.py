@@ -192,9 +192,12 @@ def test_an_interrupt_leaves_nothing_half_written(folder):
         # a shell that runs the tests in the background has them ignore the signal
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )  # fmt: skip
-    maps = Path(f"/proc/{process.pid}/maps")
-    for _ in range(600):  # until the command is at work: it has loaded JAX
-        if not maps.exists() or "jaxlib" in maps.read_text():
+    own = Path(f"/proc/{process.pid}")
+    for _ in range(600):  # until the command, no longer a copy of this process, has loaded JAX
+        if not own.exists():
+            break
+        started = b"compare" in (own / "cmdline").read_bytes()
+        if started and "jaxlib" in (own / "maps").read_text():
             break
         time.sleep(0.1)
     time.sleep(0.5)
@@ -212,3 +215,25 @@ def test_an_interrupt_leaves_nothing_half_written(folder):
         not list(folder.rglob("*.html")) or (folder / "out" / "report.html").stat().st_size > 1000
     )
     assert not [p for p in folder.rglob(".*") if p.is_file()]
+
+
+def test_reproduce_refuses_an_unknown_paper_and_files_that_exist(folder):
+    run = contourlab(folder, "reproduce", "natural-lokal")
+    assert run.returncode == 2
+    assert "did you mean natural-local?" in run.stderr
+    (folder / "natural_local_figure_5.png").write_text("mine")
+    run = contourlab(folder, "reproduce", "natural-local", "--figures", ".")
+    assert run.returncode == 2
+    assert "exists already" in run.stderr
+    assert (folder / "natural_local_figure_5.png").read_text() == "mine"
+
+
+@pytest.mark.slow
+def test_reproduce_prints_json(folder):
+    run = contourlab(folder, "reproduce", "natural-local", "--json", "--figures", "out")
+    assert run.returncode == 0, run.stderr
+    result = json.loads(run.stdout)
+    assert result["schema"] == "contourlab.reproduce/1"
+    assert result["paper"] == "natural-local"
+    assert {row["verdict"] for row in result["rows"]} <= {"matched", "relation", "differs"}
+    assert len(list((folder / "out").glob("*.png"))) == 4

@@ -8,6 +8,8 @@ needs it.
 from __future__ import annotations
 
 import json
+import os
+import signal
 import sys
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
@@ -18,6 +20,9 @@ import contourlab
 from contourlab.errors import ContourlabError
 
 __all__ = ["app", "main"]
+
+INTERRUPTED = 130
+"""Exit status after an interrupt."""
 
 app = typer.Typer(
     name="contourlab",
@@ -37,10 +42,11 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on s
 Force = Annotated[bool, typer.Option("--force", help="Replace files that exist.")]
 
 
-def _version(value: bool) -> None:
+def _version(value: bool) -> bool:
     if value:
         typer.echo(f"contourlab {contourlab.__version__}")
         raise typer.Exit
+    return value
 
 
 @app.callback()
@@ -166,10 +172,131 @@ def simulate(
         typer.echo(f"recording: {output}")
 
 
+@app.command("estimate-accuracy")
+def estimate_accuracy(
+    contours: Annotated[
+        str | None,
+        typer.Option(
+            help="Names, with commas; four of the papers' by default.", show_default=False
+        ),
+    ] = None,
+    part: Annotated[
+        Path | None,
+        typer.Option(
+            help="Part program to judge on, in place of or beside named contours.",
+            show_default=False,
+        ),
+    ] = None,
+    axes: Annotated[str, typer.Option(help="Coordinates of the part, such as XY.")] = "XYZ",
+    estimators: Annotated[
+        str | None, typer.Option(help="Names, with commas; all by default.", show_default=False)
+    ] = None,
+    lag: Annotated[
+        str, typer.Option(help="Of the actual point behind the reference.")
+    ] = "0.1 mm,0.2 mm,0.5 mm,1 mm,2 mm",
+    offset: Annotated[str, typer.Option(help="Of the actual point beside the contour.")] = "10 um",
+    feed: Annotated[str, typer.Option(help="Along the contour.")] = "3000 mm/min",
+    resolution: Annotated[str, typer.Option(help="Of the encoders; 0 um is exact.")] = "0 um",
+    sample_time: Annotated[str, typer.Option(help="Of estimators with a state.")] = "1 ms",
+    start_up: Annotated[
+        str, typer.Option(help="How long one with a state runs before it is judged.")
+    ] = "0.1 s",
+    points: Annotated[int, typer.Option(help="Places on each contour.")] = 200,
+    output: Annotated[
+        Path | None, typer.Option(help="Folder for JSON, CSV and figure.", show_default=False)
+    ] = None,
+    as_json: AsJson = False,
+    force: Force = False,
+) -> None:
+    """Judge contour error estimators by the exact foot point, over lag and curvature."""
+    from contourlab.cli.output import accuracy_contours, refuse_files
+    from contourlab.cli.progress import RunProgress
+    from contourlab.contour_errors import estimate_accuracy as study_accuracy
+    from contourlab.reports import (
+        ACCURACY_FILES,
+        accuracy_json,
+        accuracy_notes,
+        accuracy_tables,
+        write_accuracy,
+    )
+
+    _prepare()
+    if output is not None:
+        refuse_files(output, ACCURACY_FILES, force=force)
+    with RunProgress(quiet=as_json) as progress:
+        study = study_accuracy(
+            accuracy_contours(contours, part, axes),
+            None if estimators is None else estimators.split(","),
+            lag=lag, offset=offset, feed=feed, resolution=resolution, sample_time=sample_time,
+            start_up=start_up, points=points, progress=progress.update,
+        )  # fmt: skip
+    files = None if output is None else write_accuracy(study, output, force=force)
+    if as_json:
+        _print_json(accuracy_json(study, files))
+        return
+    from rich.console import Console
+
+    console = Console()
+    for table in accuracy_tables(study):
+        console.print(table)
+    _say(accuracy_notes(study), "note")
+    for file in files or ():
+        typer.echo(f"written: {file}")
+
+
+@app.command()
+def reproduce(
+    paper: Annotated[
+        str | None, typer.Argument(help="Which paper; all there are if left out.")
+    ] = None,
+    figures: Annotated[
+        Path | None, typer.Option(help="Folder for figures like the paper's.", show_default=False)
+    ] = None,
+    as_json: AsJson = False,
+    force: Force = False,
+) -> None:
+    """Run the experiments of a paper: published, reproduced, verdict and why."""
+    from contourlab.cli.output import refuse_files
+    from contourlab.cli.progress import RunProgress
+    from contourlab.papers import paper_named, papers
+    from contourlab.reports import (
+        reproduction_json,
+        reproduction_notes,
+        reproduction_table,
+        write_paper_figures,
+    )
+
+    _prepare()
+    chosen = list(papers().values()) if paper is None else [paper_named(paper)]
+    if figures is not None:
+        names = [f"{name}.png" for one in chosen for name in one.figures]
+        refuse_files(figures, names, force=force)
+    with RunProgress(quiet=as_json) as progress:
+        found = [one.run(progress.update) for one in chosen]
+    files = []
+    if figures is not None:
+        every = [figure for one in found for figure in one.figures]
+        files = write_paper_figures(every, figures, force=force)
+    if as_json:
+        bodies = [reproduction_json(one) for one in found]
+        body = {"papers": bodies} if paper is None else bodies[0]
+        _print_json({"schema": "contourlab.reproduce/1", **body})
+        return
+    from rich.console import Console
+
+    console = Console()
+    for one in found:
+        console.print(reproduction_table(one))
+        for number, note in enumerate(reproduction_notes(one), 1):
+            typer.echo(f"[{number}] {note}")
+        for sentence in one.assumed:
+            typer.echo(f"assumed: {sentence}")
+    for file in files:
+        typer.echo(f"figure: {file}")
+
+
 def _prepare() -> None:
     """Let JAX keep what it compiled in the user's cache folder, between runs."""
-    import os
-
     import jax
 
     home = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
@@ -188,9 +315,9 @@ def _print_json(value: dict[str, Any]) -> None:
     typer.echo(json.dumps(value, allow_nan=False, ensure_ascii=False))
 
 
-def _say(warnings: Any) -> None:
+def _say(warnings: Any, what: str = "warning") -> None:
     for warning in warnings:
-        typer.secho(f"warning: {warning}", err=True, fg="yellow")
+        typer.secho(f"{what}: {warning}", err=True, fg="yellow")
 
 
 def _fail(message: str, status: int) -> NoReturn:
@@ -198,14 +325,32 @@ def _fail(message: str, status: int) -> NoReturn:
     sys.exit(status)
 
 
+def _interrupted() -> NoReturn:
+    """Leave at once: files are closed by now, and JAX may still compute in threads.
+
+    Taking the interpreter down under these can crash it, and take the exit status away.
+    """
+    typer.secho("error: interrupted; nothing half-written is left", err=True, fg="red")
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(INTERRUPTED)
+
+
 def main() -> None:
     """Run the program and exit with its status."""
     try:
-        app()
+        try:
+            app()
+        finally:  # leaving: a second interrupt would take the message and the status away
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
     except ContourlabError as error:
         _fail(str(error), 2)
     except KeyboardInterrupt:
-        _fail("interrupted; nothing half-written is left", 130)
+        _interrupted()
+    except SystemExit as leaving:
+        if leaving.code == INTERRUPTED:
+            _interrupted()
+        raise
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(1)

@@ -5,15 +5,19 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
+from contourlab.contour_errors.accuracy_names import study_named
+from contourlab.contours import read_gcode
 from contourlab.controllers.base import Controller
-from contourlab.errors import OutputError, ScenarioError, choices
+from contourlab.errors import ConfigurationError, OutputError, ScenarioError, choices
 from contourlab.recordings import Recording
 from contourlab.recordings.files import refuse_existing
 from contourlab.reports import write_figures, write_report
 from contourlab.simulation import Comparison
 
 __all__ = [
+    "accuracy_contours",
     "choose_controller",
     "choose_machine",
     "comparison_files",
@@ -101,6 +105,33 @@ def write_comparison(
         recording.save(folder / recording_file(name), force=force)
     write_figures(comparison, folder, magnification=magnification, force=force)
     return write_report(comparison, folder / REPORT, magnification=magnification, force=force)
+
+
+def accuracy_contours(names: str | None, part: Path | None, axes: str) -> Any:
+    """Return the contours of an accuracy study, by name; None for the usual ones.
+
+    Parameters
+    ----------
+    names
+        With commas.
+    part
+        Part program, judged under its file's name.
+    axes
+        Coordinates of the part.
+
+    Raises
+    ------
+    ConfigurationError
+        An unknown name, the part's among them, or one that is given twice.
+    PartError
+        The part cannot be read.
+    """
+    if part is None:
+        return None if names is None else names.split(",")
+    contours = {} if names is None else study_named(names.split(","))
+    if part.stem in contours:
+        raise ConfigurationError(f"the part and a contour are both called {part.stem!r}")
+    return {**contours, part.stem: read_gcode(part, axes=tuple(axes.upper())).path}
 
 
 def choose_machine(machines: Iterable[str], name: str | None) -> str:

@@ -1,18 +1,46 @@
-"""Reports of a comparison: an HTML page, figures, a table for the terminal, JSON.
+"""Reports of comparisons and accuracy studies: an HTML page, figures, tables, JSON.
 
 Reports render; every number they print is in the recordings. matplotlib and plotly are imported
 when a figure is made, not before.
 """
 
+from contourlab.reports.accuracy_table import (
+    ACCURACY_FILES,
+    accuracy_json,
+    accuracy_notes,
+    accuracy_tables,
+    write_accuracy,
+)
 from contourlab.reports.figures import write_figures
 from contourlab.reports.page import write_report
+from contourlab.reports.reproduction import (
+    PaperFigure,
+    PaperRow,
+    Reproduction,
+    reproduction_json,
+    reproduction_notes,
+    reproduction_table,
+    write_paper_figures,
+)
 from contourlab.reports.tables import comparison_json, comparison_table, run_json, spread_table
 
 __all__ = [
+    "ACCURACY_FILES",
+    "PaperFigure",
+    "PaperRow",
+    "Reproduction",
+    "accuracy_json",
+    "accuracy_notes",
+    "accuracy_tables",
     "comparison_json",
     "comparison_table",
+    "reproduction_json",
+    "reproduction_notes",
+    "reproduction_table",
     "run_json",
     "spread_table",
+    "write_accuracy",
     "write_figures",
+    "write_paper_figures",
     "write_report",
 ]

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 __all__ = ["Drawing", "Run", "Stops", "contour_points", "make_drawing"]
 
 PATH_POINTS = 20_000
+_BATCHES = (1024, 8192)
 LARGEST_DEVIATION = 1.0 / 15.0
 """Share of the part that the largest deviation takes by default."""
 FAR_WORSE = 10.0
@@ -271,7 +272,14 @@ def contour_points(contour: Contour, parameters: Any) -> Float[np.ndarray, "n n_
     parameters
         Shape (n,).
     """
-    return np.asarray(_points()(contour, np.asarray(parameters, float)))
+    wanted = np.asarray(parameters, float)
+    size = next((size for size in _BATCHES if len(wanted) <= size), _BATCHES[-1])
+    parts = [np.zeros((0, contour.n_axes))]
+    for begin in range(0, len(wanted), size):  # of few sizes, so that little is compiled
+        batch = wanted[begin : begin + size]
+        padded = np.pad(batch, (0, size - len(batch)), mode="edge")
+        parts.append(np.asarray(_points()(contour, padded))[: len(batch)])
+    return np.concatenate(parts)
 
 
 @functools.cache

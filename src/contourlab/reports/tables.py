@@ -28,7 +28,7 @@ WHOLE_NAME = 30
 TERMINAL_SPREADS = 2
 """So many metrics of the spread have room in 80 columns."""
 
-__all__ = ["comparison_json", "comparison_table", "run_json", "spread_table"]
+__all__ = ["ascii_text", "comparison_json", "comparison_table", "run_json", "spread_table"]
 
 
 def comparison_table(comparison: Comparison) -> Table:
@@ -47,7 +47,7 @@ def comparison_table(comparison: Comparison) -> Table:
     from rich.table import Table
     from rich.text import Text
 
-    title = Text(_ascii(comparison.title), style="bold") if comparison.title else None
+    title = Text(ascii_text(comparison.title), style="bold") if comparison.title else None
     star = "* best of its column; " if len(comparison.recordings) > 1 else ""
     caption = f"{star}every figure is in the report and in --json"
     table = Table(title=title, title_justify="left", caption_justify="left", box=box.SIMPLE_HEAD,
@@ -55,11 +55,11 @@ def comparison_table(comparison: Comparison) -> Table:
                   pad_edge=False, collapse_padding=True)  # fmt: skip
     columns = [column for column in table_columns(comparison) if _in_terminal(column)]
     pairs = [comparison.pair(name) for name in comparison.recordings]
-    longest = max(len(_ascii(name)) for _, name in pairs)
+    longest = max(len(ascii_text(name)) for _, name in pairs)
     table.add_column("controller", overflow="fold", no_wrap=longest <= WHOLE_NAME)
     for column in columns:
         words = (*column.group.split(), column.name, f"[{column.unit}]")
-        head = Text("\n".join(_ascii(word) for word in words))
+        head = Text("\n".join(ascii_text(word) for word in words))
         table.add_column(head, justify="right", no_wrap=True)
     short = all(len(r.status) <= len("normal") for r in comparison.recordings.values())
     told = not (comparison.several and short)  # names of machines take the room
@@ -70,10 +70,10 @@ def comparison_table(comparison: Comparison) -> Table:
         if comparison.several and (row == 0 or machine != pairs[row - 1][0]):
             if row:
                 table.add_section()
-            table.add_row(Text(f"on {_ascii(machine)}", style="italic"))
+            table.add_row(Text(f"on {ascii_text(machine)}", style="italic"))
         cells = [_cell(column.cells[row]) for column in columns]
-        status = Text(_ascii(recording.status), style="bold red" if recording.diverged else "")
-        table.add_row(Text(_ascii(name)), *cells, *([status] if told else []))
+        status = Text(ascii_text(recording.status), style="bold red" if recording.diverged else "")
+        table.add_row(Text(ascii_text(name)), *cells, *([status] if told else []))
     return table
 
 
@@ -98,7 +98,7 @@ def spread_table(comparison: Comparison) -> Table | None:
     table = Table(title=title, title_justify="left", caption_justify="left", box=box.SIMPLE_HEAD,
                   caption=Text(f"{star}a sample that diverged counts as infinitely bad"),
                   pad_edge=False, collapse_padding=True)  # fmt: skip
-    longest = max(len(_ascii(comparison.pair(row.name)[1])) for row in rows)
+    longest = max(len(ascii_text(comparison.pair(row.name)[1])) for row in rows)
     table.add_column("controller", overflow="fold", no_wrap=longest <= WHOLE_NAME)
     for _, head in SPREAD_METRICS[:TERMINAL_SPREADS]:
         table.add_column("\n".join(head.split(", ")), justify="right", no_wrap=True)
@@ -109,14 +109,14 @@ def spread_table(comparison: Comparison) -> Table | None:
         if comparison.several and machine != before:
             if before is not None:
                 table.add_section()
-            table.add_row(Text(f"on {_ascii(machine)}", style="italic"))
+            table.add_row(Text(f"on {ascii_text(machine)}", style="italic"))
         before = machine
         cells = [
-            Text(("* " if entry.best else "") + _ascii(entry.short.replace("…", "..")
+            Text(("* " if entry.best else "") + ascii_text(entry.short.replace("…", "..")
                  .replace(NONE, "-")), style="bold" if entry.best else "")
             for entry in row.entries[:TERMINAL_SPREADS]
         ]  # fmt: skip
-        table.add_row(Text(_ascii(controller)), *cells, Text(str(row.n_diverged)))
+        table.add_row(Text(ascii_text(controller)), *cells, Text(str(row.n_diverged)))
     return table
 
 
@@ -137,10 +137,18 @@ def _cell(cell: Cell) -> Text:
     return Text(f"* {text}", style="bold") if cell.best else Text(text)
 
 
-def _ascii(text: str) -> str:
-    """Return text as printable ASCII, so that names from a file cannot steer the terminal."""
+def ascii_text(text: str, *, keep: str = "") -> str:
+    """Return text as printable ASCII, so that names from a file cannot steer the terminal.
+
+    Parameters
+    ----------
+    text
+        Any.
+    keep
+        Characters that are left as they are.
+    """
     plain = text.replace("µ", "u").encode("ascii", "backslashreplace").decode("ascii")
-    return "".join(c if c.isprintable() else "?" for c in plain)
+    return "".join(c if c.isprintable() or c in keep else "?" for c in plain)
 
 
 def run_json(recording: Recording) -> dict[str, Any]:
