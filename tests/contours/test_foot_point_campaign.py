@@ -243,7 +243,7 @@ def test_random_nurbs_nearby():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", FORMULAS)
+@pytest.mark.parametrize("name", ["cardioid", "corner", "jump of curvature", "lissajous"])
 def test_many_on_formulas(name):
     rng = np.random.default_rng(0)
     check_global(*formula(name), rng, 400)
@@ -252,7 +252,7 @@ def test_many_on_formulas(name):
 
 @pytest.mark.slow
 @pytest.mark.overnight
-@pytest.mark.parametrize("seed", range(1, 5))
+@pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("name", FORMULAS)
 def test_more_on_formulas(name, seed):
     rng = np.random.default_rng(seed)

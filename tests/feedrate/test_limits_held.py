@@ -167,7 +167,7 @@ def test_the_largest_speed_lies_beside_the_end_of_an_interval():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("block", range(12))
+@pytest.mark.parametrize("block", range(8))
 def test_many_random_paths(block):
     for seed in range(1000 + 40 * block, 1040 + 40 * block):
         run_random(seed)
