@@ -62,11 +62,15 @@ class Judged:
         sizes = {"contour_error": vector}
         if "contour_error_estimate" in rows:
             sizes["estimate_error"] = rows["contour_error_estimate"] - vector
-        for name in self.names:
-            what, how = name.rsplit("_", 1)
-            value = np.where(valid, np.linalg.norm(sizes[what], axis=-1), 0.0)
-            if how == "max":
-                self.maxima[name] = np.maximum(self.maxima[name], value.max(axis=1))
-            else:
-                self.sums[name] += (value**2 if how == "rms" else value).sum(axis=1)
+        for what in dict.fromkeys(name.rsplit("_", 1)[0] for name in self.names):
+            squared = np.einsum("lsk,lsk->ls", sizes[what], sizes[what])
+            squared[~valid] = 0.0
+            for name in self.names:
+                if name == f"{what}_max":
+                    largest = np.sqrt(squared.max(axis=1))
+                    self.maxima[name] = np.maximum(self.maxima[name], largest)
+                elif name == f"{what}_rms":
+                    self.sums[name] += squared.sum(axis=1)
+                elif name == f"{what}_mean":
+                    self.sums[name] += np.sqrt(squared).sum(axis=1)
         return vector

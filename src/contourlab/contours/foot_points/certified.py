@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Curve", "Places", "dot", "first_exit", "keep_nearer", "nearest"]
+__all__ = ["Curve", "HeadStart", "Places", "dot", "first_exit", "keep_nearer", "nearest"]
 
 Values = NDArray[Any]
 
@@ -110,6 +110,18 @@ class Curve(abc.ABC):
         """
         return row, s, lap
 
+    def head_start(self, q: Values, s: Values) -> HeadStart | None:
+        """Return what is easily known of points near places of the contour, or None.
+
+        Parameters
+        ----------
+        q
+            Points, shape (n_axes, n) [m].
+        s
+            Places, the row's own parameter.
+        """
+        return None
+
     @abc.abstractmethod
     def nearest(
         self, q: Values, row: Values, low: Values, high: Values, known: Values
@@ -121,6 +133,18 @@ class Curve(abc.ABC):
         q, row, low, high, known
             As in :func:`nearest`.
         """
+
+
+class HeadStart(NamedTuple):
+    """Places near given ones, each the nearest of a stretch of the contour, for many points."""
+
+    squared: Values
+    s: Values
+    low: Values
+    high: Values
+    """The stretch; it may go beyond the seam of a closed contour."""
+    sure: Values
+    """Whether there is such a stretch."""
 
 
 class Places(NamedTuple):

@@ -6,6 +6,9 @@ exactly. A point is done when the nearest fragment that was not asked for is too
 whatever its size: |q - middle| - largest radius >= distance found. Until then more are asked for.
 A fragment's radius is half its width times the bound of |r'|: half its arc length on lines, arcs
 and helices.
+
+On a formula most points are done by a few steps from the middle of the nearest fragment. Where that
+is certain, it is so for a stretch around it, and fragments inside that are passed over.
 """
 
 from __future__ import annotations
@@ -16,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from contourlab.contours.foot_points.certified import Curve, Places, keep_nearer
+from contourlab.contours.foot_points.certified import Curve, HeadStart, Places, keep_nearer
 from contourlab.contours.foot_points.path_table import PathTable
 
 __all__ = ["Fragments", "fragments_of", "global_feet"]
@@ -83,6 +86,7 @@ def global_feet(curve: Curve, fragments: Fragments, points: Values) -> Places:
         np.where(finite, np.inf, np.nan), np.zeros(n, int), np.zeros(n), np.zeros(n)
     )  # fmt: skip
     open_, asked, total = np.flatnonzero(finite), 0, len(fragments.row)
+    known: HeadStart | None = None
     largest = float(fragments.radius.max())
     while len(open_):
         before, asked = asked, min(max(_ASKED, 4 * asked), total)
@@ -91,10 +95,19 @@ def global_feet(curve: Curve, fragments: Fragments, points: Values) -> Places:
             some = open_[at : at + step]
             query = np.ascontiguousarray(points[:, some].T)
             distance, index = fragments.tree.query(query, k=[*range(1, asked + 1)], workers=1)
+            if not before:
+                nearest = index[:, 0]
+                middle = 0.5 * (fragments.low[nearest] + fragments.high[nearest])
+                known = curve.head_start(points[:, some], middle)
+                if known is not None:
+                    _begin(best, some, known)
             for new in (slice(before, before + 1), slice(before + 1, asked)):
                 # the nearest first: it leaves little to do for the others
                 bound = distance[:, new] - fragments.radius[index[:, new]]
-                lane, _ = hopeful = np.nonzero(bound < np.sqrt(best.squared[some])[:, None])
+                hopeful = bound < np.sqrt(best.squared[some])[:, None]
+                if not before and known is not None:
+                    hopeful &= ~_inside(curve, fragments, index[:, new], known)
+                lane, _ = hopeful = np.nonzero(hopeful)
                 own, which = some[lane], index[:, new][hopeful]
                 if len(own):
                     _solve(curve, fragments, points, own, which, best)
@@ -102,6 +115,20 @@ def global_feet(curve: Curve, fragments: Fragments, points: Values) -> Places:
             pending.append(some[~sure])
         open_ = np.concatenate(pending) if asked < total else open_[:0]
     return best
+
+
+def _begin(best: Places, some: Values, known: HeadStart) -> None:
+    sure = np.flatnonzero(known.sure)
+    best.squared[some[sure]], best.s[some[sure]] = known.squared[sure], known.s[sure]
+
+
+def _inside(curve: Curve, fragments: Fragments, which: Values, known: HeadStart) -> Values:
+    """Return which fragments lie in the stretch of which no nearer point is to be had."""
+    low, high = (edge[:, None] for edge in (known.low, known.high))
+    within = np.zeros(which.shape, bool)
+    for lap in (-curve.total, 0.0, curve.total):
+        within |= (fragments.low[which] + lap >= low) & (fragments.high[which] + lap <= high)
+    return within & known.sure[:, None]
 
 
 def _solve(

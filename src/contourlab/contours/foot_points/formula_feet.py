@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from typing import Any
 
 import jax
@@ -10,37 +9,131 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from contourlab.contours.foot_points.certified import Curve, Places, dot, first_exit, nearest
+from contourlab.contours.foot_points.certified import (
+    Curve,
+    HeadStart,
+    Places,
+    dot,
+    first_exit,
+    nearest,
+)
 from contourlab.contours.foot_points.formula_cells import FORMULA_CELLS, FormulaCells
 from contourlab.contours.foot_points.lanes import LARGE, SMALL, chunks, padded
 from contourlab.contours.foot_points.local import FootPoint
 
 __all__ = ["FormulaCurve"]
 
-QUICK_STEPS = 3
-"""Newton steps of the quick way."""
+ORDER, STEPS = 3, 3
+"""Of the Taylor polynomial about the reference point, and Newton steps on it."""
+ROUNDS = 3
+"""Newton steps on the contour, at most; one is usual."""
+WINDOW = 16
+"""Cells either way over which a bound of the speed is kept."""
 
 Values = NDArray[Any]
 
 
-@functools.partial(jax.jit, static_argnames="steps")
-def _quick(cells: FormulaCells, q: Any, near: Any, steps: int) -> tuple[FootPoint, Any, Any]:
-    contour = cells.contour
+# XLA works a sine out again for each output of a batch. So the quick way is three programs: the
+# first and the second have one output each, the third has several but evaluates no contour.
 
-    def one(q: Any, near: Any) -> tuple[FootPoint, Any, Any]:
-        row, s, lap = cells.place(near, None)
-        at, squared, r, within, small = cells.newton(q, s, steps)
-        vector = r[0] - q
-        norm = distance = jnp.sqrt(squared)
-        if contour.n_axes == 2:
-            across = r[1, 0] * vector[1] - r[1, 1] * vector[0]
-            distance = across / jnp.sqrt(r[1, 0] ** 2 + r[1, 1] ** 2)
-            if not contour.closed:
-                end = (at <= 0.0) | (at >= cells.extent(row))
-                distance = jnp.where(end, jnp.where(across < 0.0, -norm, norm), distance)
-        return FootPoint(cells.parameter(row, at, lap), r[0], vector, distance), within, small
+
+@jax.jit
+def _predicted(cells: FormulaCells, q: Any, near: Any) -> Any:
+    """Return the foot on the Taylor polynomial of the contour about each reference point."""
+
+    def one(q: Any, near: Any) -> Any:
+        row, s, _ = cells.place(near, None)
+        r = cells.curve(row, s, ORDER)
+        rows = [[r[k, axis] for axis in range(len(q))] for k in range(ORDER + 1)]
+        rows[0] = [x - y for x, y in zip(rows[0], q, strict=True)]
+        x = s
+        for _ in range(STEPS):
+            d, slope, bend = (_taylor(rows, k, x - s) for k in range(3))
+            x = x - _dot(d, slope) / (_dot(slope, slope) + _dot(d, bend))
+            if not cells.contour.closed:
+                x = jnp.clip(x, 0.0, cells.extent(row))
+        return x
 
     return jax.vmap(one)(q, near)
+
+
+@jax.jit
+def _within(cells: FormulaCells, q: Any, near: Any) -> Any:
+    """Return whether errors are below the safe ones of their reference points."""
+
+    def one(q: Any, near: Any) -> Any:
+        row, s, _ = cells.place(near, None)
+        d = cells.curve(row, s, 0)[0] - q
+        return _dot(d, d) <= cells.safe(s) ** 2
+
+    return jax.vmap(one)(q, near)
+
+
+def _taylor(rows: list[list[Any]], order: int, step: Any) -> list[Any]:
+    """Return a derivative of a Taylor polynomial, by Horner's rule."""
+    total = rows[-1]
+    for k in range(len(rows) - 2, order - 1, -1):
+        total = [own + step / (k - order + 1) * x for own, x in zip(rows[k], total, strict=True)]
+    return total
+
+
+def _dot(a: Any, b: Any) -> Any:
+    total = a[0] * b[0]
+    for k in range(1, len(a)):
+        total = total + a[k] * b[k]
+    return total
+
+
+@jax.jit
+def _evaluated(cells: FormulaCells, x: Any) -> Any:
+    """Return points and two derivatives at the row's own parameters, shape (n, 3, n_axes)."""
+    row = jnp.zeros((), jnp.int32)
+    return jax.vmap(lambda x: cells.curve(row, x, 2))(x)
+
+
+@jax.jit
+def _stepped(
+    cells: FormulaCells, speeds: Any, r: Any, q: Any, near: Any, x: Any
+) -> tuple[FootPoint, Any, Any, Any]:
+    """Return feet after a Newton step from x, the parameters there, and what they are worth.
+
+    The last two: whether the error is surely within the safe one, so that there is one foot, and
+    whether the step was so small that the next would be rounding.
+    """
+    contour = cells.contour
+
+    def one(r: Any, q: Any, near: Any, x: Any) -> tuple[FootPoint, Any, Any, Any]:
+        row, s, lap = cells.place(near, None)
+        extent = cells.extent(row)
+        d = [r[0, axis] - q[axis] for axis in range(len(q))]
+        slope, bend = ([r[k, axis] for axis in range(len(q))] for k in (1, 2))
+        speed2 = _dot(slope, slope)
+        new = x - _dot(d, slope) / (speed2 + _dot(d, bend))
+        if not contour.closed:
+            new = jnp.clip(new, 0.0, extent)
+        move = new - x
+        # the error at the reference point is no more than from here and the way back
+        way = jnp.abs(new - s)
+        own = speeds[:, cells.find(row, s)]
+        near_by = way <= WINDOW / FORMULA_CELLS * extent
+        error = jnp.sqrt(_dot(d, d)) + way * jnp.where(near_by, own[0], own[1])
+        small = jnp.abs(move) * jnp.sqrt(speed2) <= 1e-8 * error + 1e-13
+        # where the step is small, what is beyond its square is rounding
+        vector = jnp.stack(
+            [a + move * (b + 0.5 * move * c) for a, b, c in zip(d, slope, bend, strict=True)]
+        )
+        norm = distance = jnp.sqrt(_dot(vector, vector))
+        if contour.n_axes == 2:
+            u, v = (b + move * c for b, c in zip(slope, bend, strict=True))
+            across = u * vector[1] - v * vector[0]
+            distance = across / jnp.sqrt(u * u + v * v)
+            if not contour.closed:
+                end = (new <= 0.0) | (new >= extent)
+                distance = jnp.where(end, jnp.where(across < 0.0, -norm, norm), distance)
+        foot = FootPoint(cells.parameter(row, new, lap), q + vector, vector, distance)
+        return foot, new, error <= cells.safe(s), small
+
+    return jax.vmap(one)(r, q, near, x)
 
 
 @jax.jit
@@ -67,6 +160,11 @@ class FormulaCurve(Curve):
             k = 1 << len(self._tables) - 1
             last = self._tables[-1]
             self._tables.append(np.maximum(last[:, :-k], last[:, k:]))
+        mode: Any = "wrap" if self.closed else "edge"
+        around = np.pad(self._tables[0][0, :FORMULA_CELLS], WINDOW, mode)
+        windows = np.lib.stride_tricks.sliding_window_view(around, 2 * WINDOW + 1).max(axis=1)
+        self._safe = np.asarray(cells.safe_error)
+        self._speeds = np.stack([windows, np.full(FORMULA_CELLS, windows.max())])
         at = np.linspace(0.0, self.total, 65)
         points = self.look(at, at, np.zeros((self.n_axes, 1)))[0]
         low, high = points.min(axis=1), points.max(axis=1)
@@ -165,28 +263,76 @@ class FormulaCurve(Curve):
         return nearest(self, q, row, low, high, known)
 
     def quick(self, points: Values, near: Values) -> tuple[FootPoint, Values]:
-        """Return local feet by some Newton steps, and which of them are certain.
+        """Return local feet by a few steps from the reference points, and which are certain.
+
+        The foot on the Taylor polynomial about the reference point, then Newton's method on the
+        contour. Certain where the error is below the cell's safe one (see
+        :func:`~contourlab.contours.foot_points.formula_cells.formula_tables`), so that there is
+        one minimum, and the steps died out.
 
         Parameters
         ----------
         points, near
             A chunk, of shapes (n, n_axes) and (n,).
         """
-        foot, within, small = self._stepped(points, near)
-        # the same steps again, from where the first ones came to
-        rest = np.flatnonzero(within & ~small)
-        if len(rest):
-            more, _, small[rest] = self._stepped(points[rest], foot.parameter[rest])
+        n = len(points)
+        foot, x, within, small = self._round(points, near, None)
+        for _ in range(ROUNDS - 1):
+            rest = np.flatnonzero(within & ~small)
+            if not len(rest):
+                break
+            if len(rest) > n // 2:
+                foot, x, within, small = self._round(points, near, x)
+                continue
+            more, x[rest], within[rest], small[rest] = self._round(
+                points[rest], near[rest], x[rest]
+            )
             for whole, part in zip(foot, more, strict=True):
                 whole[rest] = part
         return foot, within & small
 
-    def _stepped(self, points: Values, near: Values) -> tuple[FootPoint, Values, Values]:
+    def head_start(self, q: Values, s: Values) -> HeadStart:
+        """Return feet by the quick way, and the stretches on which they are the nearest.
+
+        With the safe error e of the cell, not that of the point, the stretch of
+        :func:`~contourlab.contours.foot_points.formula_cells.formula_tables` has the radius 2e.
+
+        Parameters
+        ----------
+        q
+            Points, shape (n_axes, n) [m].
+        s
+            Places.
+        """
+        n = len(s)
+        squared, at, sure = np.empty(n), np.empty(n), np.empty(n, bool)
+        points = np.ascontiguousarray(q.T)
+        for some, _ in chunks(n, LARGE):
+            foot, sure[some] = self.quick(points[some], self.start + s[some])
+            at[some] = foot.parameter - self.start
+            squared[some] = np.einsum("nk,nk->n", foot.vector, foot.vector)
+        if self.closed:
+            at -= np.floor(at / self.total) * self.total
+        cell = np.clip((s / self.total * FORMULA_CELLS).astype(int), 0, FORMULA_CELLS - 1)
+        half = np.minimum(
+            2.0 * self._safe[cell] / self._speeds[0, cell],
+            (WINDOW - 1) / FORMULA_CELLS * self.total,
+        )
+        return HeadStart(squared, at, s - half, s + half, sure)
+
+    def _round(
+        self, points: Values, near: Values, x: Values | None
+    ) -> tuple[FootPoint, Values, Values, Values]:
         n = len(points)
-        size = SMALL if n <= SMALL else LARGE
-        found = _quick(self.cells, *padded((points, near), size), QUICK_STEPS)
-        foot, within, small = jax.tree.map(lambda x: np.array(x)[:n], found)
-        return foot, within, small
+        q, start = padded((points, near), SMALL if n <= SMALL else LARGE)
+        at = _predicted(self.cells, q, start) if x is None else padded(x, len(q))
+        found = _stepped(self.cells, self._speeds, _evaluated(self.cells, at), q, start, at)
+        foot, new, within, small = jax.tree.map(lambda x: np.array(x)[:n], found)
+        doubtful = np.flatnonzero(~within)
+        if len(doubtful):
+            some = padded((points[doubtful], near[doubtful]), len(q))
+            within[doubtful] = np.asarray(_within(self.cells, *some))[: len(doubtful)]
+        return foot, new, within, small
 
     def search(self, points: Values, near: Values) -> Places:
         """Return the places of local feet, by the certain way.
