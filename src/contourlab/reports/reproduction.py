@@ -112,30 +112,40 @@ def reproduction_table(reproduction: Reproduction) -> Table:
         Of one paper.
     """
     from rich import box
+    from rich.padding import Padding
     from rich.table import Table
     from rich.text import Text
 
     table = Table(title=Text(reproduction.title, style="bold"), title_justify="left",
                   box=box.SIMPLE_HEAD, pad_edge=False, collapse_padding=True)  # fmt: skip
-    for head in ("case", "controller", "quantity"):
-        table.add_column(head, overflow="fold")
+    table.add_column("", ratio=1, overflow="fold")
     for head in ("published", "reproduced", "unit"):
         table.add_column(head, justify="right", no_wrap=True)
     table.add_column("verdict", no_wrap=True)
     table.add_column("why", justify="right", no_wrap=True)
     rows, notes = reproduction.rows, reproduction_notes(reproduction)
     for k, row in enumerate(rows):
-        if k == 0 or rows[k - 1].experiment != row.experiment:
+        before = rows[k - 1] if k else None
+        if before is None or before.experiment != row.experiment:
             table.add_section()
-            table.add_row(Text(row.experiment, style="italic"))
+            table.add_row(Text(row.experiment, style="bold"))
+        if before is None or (before.experiment, before.case) != (row.experiment, row.case):
+            table.add_row(Text(row.case, style="italic"))
         published = "-" if row.published is None else f"{row.published:.4g}"
         style = {"matched": "green", "relation": "", "differs": "red"}[row.verdict]
         table.add_row(
-            row.case, row.controller.removesuffix("_task_frame"), row.quantity, published,
-            f"{row.reproduced:.4g}", row.unit, Text(row.verdict, style=style),
+            Padding(Text(_what(row)), (0, 0, 0, 2)), published, f"{row.reproduced:.4g}", row.unit,
+            Text(row.verdict, style=style),
             Text(f"[{notes.index(row.note) + 1}]"),  # Text: in a str, brackets are markup
         )  # fmt: skip
     return table
+
+
+def _what(row: PaperRow) -> str:
+    """Return controller and quantity in few words."""
+    words = row.quantity.replace("contour_error_", "error ").replace("_", " ")
+    who = row.controller.removesuffix("_task_frame").replace("_", " ")
+    return f"{who}: {words}" if who else words
 
 
 def reproduction_notes(reproduction: Reproduction) -> list[str]:
