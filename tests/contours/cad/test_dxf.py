@@ -229,3 +229,49 @@ def test_any_entities(tmp_path, entities):
         for code, value in groups:
             lines += [str(code), value]
     survives(tmp_path, "\n".join([*lines, "0", "ENDSEC", "0", "EOF", ""]).encode())
+
+
+def test_layers_have_no_case_and_what_is_invisible_is_said(tmp_path):
+    def draw(space, document):
+        document.layers.add("Cut")
+        space.add_line((0, 0), (1, 0), dxfattribs={"layer": "CUT"})
+        space.add_line((1, 0), (2, 0), dxfattribs={"layer": "Cut"})
+        space.add_line((5, 0), (6, 0), dxfattribs={"layer": "other"})
+        space.add_line((2, 0), (2, 1), dxfattribs={"layer": "Cut", "invisible": 1})
+
+    part = read_dxf(saved(tmp_path, draw), layers=["cut"])
+    assert_allclose(part.path.length, 2e-3, rtol=1e-14)
+    assert part.warnings == (
+        "entities that are no path were left out: LINE that is invisible (1)",
+    )
+    with pytest.raises(PartError, match=r"d\.dxf: has no layer 'cat'; "):
+        read_dxf(saved(tmp_path, draw), layers=["cat"])
+
+
+def test_bulges_that_are_all_but_straight(tmp_path):
+    # a sagitta of bulge times half the chord: 0.5 um on 1 m, then none to rounding
+    for bulge, most in ((1e-6, 0.5e-6), (-1e-6, 0.5e-6), (1e-12, 0.0), (-1e-300, 0.0)):
+
+        def draw(space, _, bulge=bulge):
+            space.add_lwpolyline([(0, 0, bulge), (1000, 0, 0)], format="xyb")
+
+        path = read_dxf(saved(tmp_path, draw)).path
+        middle = path.position(0.5 * path.length)
+        assert_allclose(middle, [0.5, -np.sign(bulge) * most], rtol=0, atol=1e-12)
+        assert_allclose(path.position(path.length), [1.0, 0.0], rtol=0, atol=1e-14)
+
+
+def test_a_whole_turn_is_one_whatever_the_rounding(tmp_path):
+    starts = [216.95, 311.59]
+    rest = [math.radians(start + 360.0 - start) % (2.0 * math.pi) for start in starts]
+    assert 0.0 < min(rest) < 1e-12 and 0.0 < 2.0 * math.pi - max(rest) < 1e-12
+
+    def draw(space, _):
+        for k, start in enumerate(starts):
+            space.add_arc((20 * k, 0), 5, start, start + 360.0)
+
+    file = saved(tmp_path, draw)
+    for k in range(len(starts)):
+        path = read_dxf(file, chain=k).path
+        assert path.closed
+        assert_allclose(path.length, 0.01 * np.pi, rtol=1e-13)

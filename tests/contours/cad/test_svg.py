@@ -230,3 +230,37 @@ def test_any_shapes(tmp_path, shapes):
     tags = ["<{} {}/>".format(tag, " ".join(f'{k}="{v}"' for k, v in given_.items()))
             for tag, given_ in shapes]  # fmt: skip
     survives(written(tmp_path, "\n".join(tags)))
+
+
+def test_numbers_of_points_need_nothing_between_them(tmp_path):
+    path = path_of(tmp_path, '<polyline points="10-10 20-10.5.5,3e0"/>')
+    wanted = np.array([[10, -10], [20, -10.5], [0.5, 3.0]]) * [1e-3, -1e-3] + [0, 0.05]
+    got = np.stack([path.position(s) for s in np.asarray(path.breaks)])
+    assert_allclose(got, wanted, rtol=0, atol=1e-16)
+    with pytest.raises(PartError, match="points must be numbers of user units"):
+        path_of(tmp_path, '<polyline points="10,10 20x,10"/>')
+
+
+@pytest.mark.parametrize(
+    ("element", "message"),
+    [
+        ('<line x2="1" style="stroke: red; transform: translate(3px)"/>', "style sets 'transform'"),
+        ('<circle r="1" style="r:3px"/>', "style sets 'r'"),
+        ('<g style="rotate:3deg"><line x2="1"/></g>', "style sets 'rotate'"),
+        ('<line x2="1" transform="rotate(9)" transform-origin="5 0"/>', "transform-origin is not"),
+        ('<path d="M1 1A5 5 0 0 1 1 1"/>', "an arc ends where it begins"),
+    ],
+)
+def test_what_would_move_the_drawing_unseen_is_refused(tmp_path, element, message):
+    with pytest.raises(PartError, match=message):
+        path_of(tmp_path, element)
+    harmless = '<line x2="1" style="transform:none;stroke-width:3;line-height:1"/>'
+    assert_allclose(path_of(tmp_path, harmless).length, 1e-3, rtol=1e-14)
+
+
+def test_slice_fills_the_page(tmp_path):
+    head = HEAD.replace('height="50mm"', 'height="100mm" preserveAspectRatio="xMidYMid slice"')
+    part = read_svg(written(tmp_path, '<line x2="10"/>', head))
+    assert_allclose(part.path.length, 0.02, rtol=1e-14)
+    with pytest.raises(PartError, match=r"d\.svg: has no layer 'b'"):
+        read_svg(written(tmp_path, '<line x2="10" id="a"/>', head), layers=["b"])

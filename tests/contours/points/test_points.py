@@ -229,3 +229,32 @@ def test_any_text_that_looks_like_a_table(tmp_path, text, options):
 )
 def test_any_points(tmp_path, rows, options):
     survives(tmp_path, "\n".join(f"{x},{y!r}" for x, y in rows), options)
+
+
+def test_a_column_that_is_no_length_is_refused_unless_it_is_chosen(tmp_path):
+    file = tmp_path / "log.csv"
+    file.write_text("t_s,x_mm,y_mm\n0,0,0\n1,1,0\n2,2,0\n")
+    for options in ({"unit": "mm"}, {}):
+        with pytest.raises(UnitError, match=r"column 't_s' is in s, which is no length"):
+            read_points(file, **options)
+    for options in ({"axes": ("x", "y")}, {"columns": ["x_mm", "y_mm"]}):
+        assert_allclose(read_points(file, **options).path.length, 2e-3, rtol=1e-15)
+    file.write_text("x_mm,x_mm\n0,0\n1,1\n")
+    with pytest.raises(PartError, match="axes must have different names"):
+        read_points(file)
+
+
+def test_quoted_numbers_and_the_text_that_spreadsheets_call_unicode(tmp_path):
+    file = tmp_path / "a.csv"
+    file.write_text('"x_mm";"y_mm"\n"0,5";"0"\n"1,5";"0"\n')
+    assert_allclose(read_points(file).points, [[0.5e-3, 0], [1.5e-3, 0]], rtol=1e-15)
+    file.write_text('"x_mm","y_mm"\n"0,5","0"\n')  # which comma is the decimal one is not clear
+    with pytest.raises(PartError, match="has 3 columns, the lines before have 2"):
+        read_points(file)
+    file.write_text('"x_mm","y_mm","z_mm"\n"0,5","0"\n')
+    with pytest.raises(PartError, match="which is not a finite number"):
+        read_points(file)
+    for encoding in ("utf-16", "utf-16-le", "utf-16-be"):
+        mark = {"utf-16-le": b"\xff\xfe", "utf-16-be": b"\xfe\xff"}.get(encoding, b"")
+        file.write_bytes(mark + "x_mm\ty_mm\r\n0\t0\r\n1\t1\r\n".encode(encoding))
+        assert_allclose(read_points(file).points, [[0, 0], [1e-3, 1e-3]], rtol=1e-15)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -11,9 +12,10 @@ import numpy as np
 
 from contourlab.contours.cad.chains import chains_of, chosen, moves_of
 from contourlab.contours.cad.segments import MOST_SEGMENTS, Run, check_size
-from contourlab.contours.part import Part, make_part
+from contourlab.contours.files import metres
+from contourlab.contours.part import Part, axis_columns, make_part
 from contourlab.contours.path import Path
-from contourlab.errors import ConfigurationError, GeometryError, PartError
+from contourlab.errors import ConfigurationError, GeometryError, PartError, choices
 
 __all__ = ["Drawing", "missing_extra"]
 
@@ -23,12 +25,35 @@ class Drawing:
 
     Parameters
     ----------
-    name
-        Of the file.
+    path
+        The file.
+    axes
+        Coordinates of the contour, of X, Y, Z.
+    chain, reverse
+        Which chain, from 0, and whether it is run the other way.
+    gap
+        Ends nearer than this meet, a number [m] or a text.
+    blend
+        Tolerance within which corners may be rounded, a number [m] or a text; None to stop at them.
+
+    Raises
+    ------
+    ConfigurationError
+        An option that is not allowed.
     """
 
-    def __init__(self, name: str) -> None:
-        self.name = name
+    def __init__(
+        self, path: str | os.PathLike[str], *, axes: Sequence[str], chain: int | None,
+        reverse: bool, gap: float | str, blend: float | str | None,
+    ) -> None:  # fmt: skip
+        self.name = os.fspath(path)
+        self.columns = axis_columns(axes)
+        """Which of X, Y, Z the axes are."""
+        if not isinstance(reverse, bool):
+            raise ConfigurationError(f"reverse must be True or False, got {reverse!r}")
+        self._axes, self._chain, self._reverse = axes, chain, reverse
+        self._gap = metres(gap, "gap")
+        self._blend = np.nan if blend is None else metres(blend, "blend")
         self.runs: list[Run] = []
         self.entities: list[str] = []
         """What each entity is, in a few words."""
@@ -75,36 +100,22 @@ class Drawing:
         if kept:
             self.runs.append(Run(kept, entity, layer))
 
-    def part(
-        self, *, axes: Sequence[str], gap: float, chain: int | None, reverse: bool, blend: float
-    ) -> Part:
+    def part(self) -> Part:
         """Return the part.
-
-        Parameters
-        ----------
-        axes
-            Coordinates of the contour.
-        gap
-            Ends nearer than this meet [m].
-        chain, reverse
-            Which chain, and whether it is run the other way.
-        blend
-            Tolerance within which corners may be rounded [m]; NaN to stop at them.
 
         Raises
         ------
         PartError
             Nothing to follow; several chains and none chosen; a curve with a cusp.
         """
-        if not isinstance(reverse, bool):
-            raise ConfigurationError(f"reverse must be True or False, got {reverse!r}")
-        one = chosen(chains_of(self.runs, gap, self.name), chain, reverse, self.name)
+        chains = chains_of(self.runs, self._gap, self.name)
+        one = chosen(chains, self._chain, self._reverse, self.name)
         try:
             part = make_part(
-                moves_of(one), axes=axes, source=self.name, lines=self.entities,
+                moves_of(one), axes=self._axes, source=self.name, lines=self.entities,
                 warnings=self._said(),
             )  # fmt: skip
-            part = replace(part, blend=np.full(part.n_pieces, blend))
+            part = replace(part, blend=np.full(part.n_pieces, self._blend))
             if one.closed:
                 part = replace(part, path=_closed(part.path))
         except GeometryError as error:
@@ -141,18 +152,18 @@ def missing_extra(package: str, what: str) -> ConfigurationError:
     )
 
 
-def check_names(what: str, names: Sequence[str], known: Mapping[str, Any]) -> None:
+def check_names(source: str, what: str, names: Sequence[str], known: Mapping[str, Any]) -> None:
     """Raise PartError unless all names are known ones.
 
     Parameters
     ----------
+    source
+        The file.
     what
         Of what they are names.
     names, known
         As asked, as there are.
     """
-    from contourlab.errors import choices
-
     for one in names:
         if one not in known:
-            raise PartError(f"no {what} {one!r}; {choices(one, known)}")
+            raise PartError(f"{source}: has no {what} {one!r}; {choices(one, known)}")

@@ -3,7 +3,8 @@
 Followed exactly: LINE, ARC, CIRCLE, ELLIPSE, LWPOLYLINE and POLYLINE with bulges, SPLINE and HELIX
 by their control points, of model space. Refused, because they are paths that would be missed:
 blocks (INSERT), multilines, splines given by fit points alone, smoothed polylines. Everything else
-is no path and is listed in the part's warnings, and so are layers that are off or frozen.
+is no path and is listed in the part's warnings, and so are layers that are off or frozen, and
+entities that are invisible.
 """
 
 from __future__ import annotations
@@ -20,9 +21,10 @@ from numpy.typing import NDArray
 
 from contourlab.contours.cad.drawing import Drawing, check_names, missing_extra
 from contourlab.contours.cad.segments import Segment, arc, bulged, conic, curve, line
-from contourlab.contours.files import metres, read_bytes, unit_size
+from contourlab.contours.circle import TURN
+from contourlab.contours.files import read_bytes, unit_size
 from contourlab.contours.knots import MOST_DEGREE, bezier_pieces, check_knots
-from contourlab.contours.part import Part, axis_columns
+from contourlab.contours.part import Part
 from contourlab.errors import ContourlabError, GeometryError, PartError, UnitError
 
 __all__ = ["read_dxf"]
@@ -72,7 +74,8 @@ def read_dxf(
     path
         The file, text or binary.
     layers
-        Names of the layers that are read; all that are on and not frozen if None.
+        Names of the layers that are read, upper or lower case; all that are on and not frozen if
+        None.
     unit
         What one drawing unit is, ``"mm"`` or ``"0.1 in"``; the file's own ($INSUNITS) if None.
     axes
@@ -97,34 +100,38 @@ def read_dxf(
     ConfigurationError
         An option that is not allowed; ezdxf is not installed.
     """
-    axis_columns(axes)
-    near = metres(gap, "gap")
-    within = math.nan if blend is None else metres(blend, "blend")
-    name = os.fspath(path)
-    document, fixes = _document(read_bytes(name, LARGEST_FILE), name)
-    drawing = Drawing(name)
+    drawing = Drawing(path, axes=axes, chain=chain, reverse=reverse, gap=gap, blend=blend)
+    document, fixes = _document(read_bytes(drawing.name, LARGEST_FILE), drawing.name)
     if fixes:
         drawing.warnings.append(f"{fixes} faults of the file were mended while it was read")
     scale = _scale(document, unit, drawing)
     known = {layer.dxf.name.lower(): layer for layer in document.layers}
-    if layers is not None:
-        used = {str(entity.dxf.layer) for entity in document.modelspace()}
-        check_names("layer", list(layers), dict.fromkeys(used))
+    entities = [(str(one.dxf.get("layer", "0")), one) for one in document.modelspace()]
+    wanted: set[str] | None = None
+    if layers is not None:  # the names of layers have no case
+        used = {layer.lower(): layer for layer, _ in entities}
+        named = {layer: layer for layer in used.values()}
+        check_names(
+            drawing.name, "layer", [used.get(str(one).lower(), one) for one in layers], named
+        )
+        wanted = {str(one).lower() for one in layers}
     hidden: set[str] = set()
-    for entity in document.modelspace():
-        layer = str(entity.dxf.get("layer", "0"))
-        if layers is not None and layer not in layers:
+    for layer, entity in entities:
+        if wanted is not None and layer.lower() not in wanted:
             continue
         found = known.get(layer.lower())
-        if layers is None and found is not None and (found.is_off() or found.is_frozen()):
+        if wanted is None and found is not None and (found.is_off() or found.is_frozen()):
             hidden.add(layer)
+            continue
+        if entity.dxf.get("invisible", 0):
+            drawing.ignored[f"{entity.dxftype()} that is invisible"] += 1
             continue
         _take(entity, layer, scale, drawing)
     if hidden:
         drawing.warnings.append(
             f"layers that are off or frozen were left out: {', '.join(sorted(hidden))}"
         )
-    return drawing.part(axes=axes, gap=near, chain=chain, reverse=reverse, blend=within)
+    return drawing.part()
 
 
 def _document(data: bytes, name: str) -> tuple[Any, int]:
@@ -192,12 +199,12 @@ def _line(entity: Any, scale: float) -> list[Segment]:
 
 def _arc(entity: Any, scale: float) -> list[Segment]:
     first = math.radians(entity.dxf.start_angle)
-    swept = math.radians(entity.dxf.end_angle - entity.dxf.start_angle) % (2.0 * math.pi)
-    return _round(entity, scale, first, swept or 2.0 * math.pi)
+    swept = math.radians(entity.dxf.end_angle - entity.dxf.start_angle) % TURN
+    return _round(entity, scale, first, _turn_or(swept))
 
 
 def _circle(entity: Any, scale: float) -> list[Segment]:
-    return _round(entity, scale, 0.0, 2.0 * math.pi)
+    return _round(entity, scale, 0.0, TURN)
 
 
 def _round(entity: Any, scale: float, first: float, swept: float) -> list[Segment]:
@@ -210,7 +217,7 @@ def _round(entity: Any, scale: float, first: float, swept: float) -> list[Segmen
     def at(angle: float) -> Rows:
         return center + radius * (math.cos(angle) * x + math.sin(angle) * y)
 
-    end = at(first) if swept == 2.0 * math.pi else at(first + swept)
+    end = at(first) if swept == TURN else at(first + swept)
     return [arc(center, at(first), swept, z, end)]
 
 
@@ -221,11 +228,14 @@ def _ellipse(entity: Any, scale: float) -> list[Segment]:
     if not (np.linalg.norm(major) > 0.0 and np.linalg.norm(minor) > 0.0):
         raise PartError("its axes must have lengths > 0")
     start, end = float(entity.dxf.start_param), float(entity.dxf.end_param)
-    swept = (end - start) % (2.0 * math.pi)
-    if swept < 1e-12 or 2.0 * math.pi - swept < 1e-12:
-        swept = 2.0 * math.pi
+    swept = _turn_or((end - start) % TURN)
     center = _vector(entity.dxf.center)
     return conic(center * scale, major * scale, minor * scale, start, swept)
+
+
+def _turn_or(swept: float) -> float:
+    """Return an angle, but a whole turn for what is one, or none, to rounding."""
+    return TURN if swept < 1e-12 or TURN - swept < 1e-12 else swept
 
 
 def _lwpolyline(entity: Any, scale: float) -> list[Segment]:

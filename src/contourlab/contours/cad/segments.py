@@ -27,6 +27,8 @@ LARGEST_COORDINATE = 1e5
 """Coordinates beyond this are no machine's [m]."""
 MOST_SEGMENTS = 2_000_000
 
+_FAR = 1e3
+"""A radius beyond this is a Bézier curve, exact too: an arc's centre would cost digits [m]."""
 _ROUND = 1e-12
 """Axes of an ellipse that differ by no more than this fraction make a circle."""
 
@@ -170,6 +172,8 @@ def curve(control: Rows) -> Segment:
 def bulged(start: Any, end: Any, bulge: float, normal: Any = _UP) -> Segment:
     """Return the arc of a polyline: bulge is the tangent of a quarter of its angle.
 
+    An arc that is all but straight becomes the rational Bézier curve that is the same arc.
+
     Parameters
     ----------
     start, end
@@ -182,6 +186,11 @@ def bulged(start: Any, end: Any, bulge: float, normal: Any = _UP) -> Segment:
     start, end = np.asarray(start, float), np.asarray(end, float)
     if bulge == 0.0 or np.array_equal(start, end):
         return line(start, end)
+    if np.linalg.norm(end - start) > 4.0 * _FAR * abs(bulge):  # no centre that is of use
+        half = 2.0 * math.atan(bulge)
+        corner = 0.5 * (start + end) - 0.5 * math.tan(half) * np.cross(normal, end - start)
+        weight = math.cos(half)
+        return curve(np.array([[*start, 1.0], [*(weight * corner), weight], [*end, 1.0]]))
     # the centre is this far left of the middle of the chord, in chords
     offset = (1.0 - bulge * bulge) / (4.0 * bulge)
     center = 0.5 * (start + end) + offset * np.cross(normal, end - start)

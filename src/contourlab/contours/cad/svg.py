@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 import os
 import re
+import warnings
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
@@ -27,8 +28,8 @@ from numpy.typing import NDArray
 
 from contourlab.contours.cad.drawing import Drawing, check_names, missing_extra
 from contourlab.contours.cad.segments import Segment, conic, curve, line
-from contourlab.contours.files import metres, read_bytes, unit_size
-from contourlab.contours.part import Part, axis_columns
+from contourlab.contours.files import read_bytes, unit_size
+from contourlab.contours.part import Part
 from contourlab.errors import ContourlabError, PartError, UnitError
 
 __all__ = ["read_svg"]
@@ -55,6 +56,11 @@ _APART = frozenset([
 """Elements whose content is not drawn where it stands."""
 _QUIET = frozenset(["title", "desc", "metadata", "defs", "namedview", "style"])
 _INCH_96 = 96.0
+_STYLED = re.compile(
+    r"(?:^|;)(transform|transform-origin|rotate|scale|translate|offset-path"
+    r"|d|x|y|r|rx|ry|cx|cy|width|height|zoom):(?!none(?:;|$))"
+)
+"""Properties of style that move or shape what is drawn."""
 
 Rows = NDArray[Any]
 
@@ -106,15 +112,12 @@ def read_svg(
     ConfigurationError
         An option that is not allowed; svgpathtools is not installed.
     """
-    columns = axis_columns(axes)
-    near = metres(gap, "gap")
-    within = math.nan if blend is None else metres(blend, "blend")
-    name = os.fspath(path)
-    reader = _Reader(name, unit, None if layers is None else tuple(layers), columns)
-    reader.parse(read_bytes(name, LARGEST_FILE))
+    drawing = Drawing(path, axes=axes, chain=chain, reverse=reverse, gap=gap, blend=blend)
+    reader = _Reader(drawing, unit, None if layers is None else tuple(layers))
+    reader.parse(read_bytes(drawing.name, LARGEST_FILE))
     if layers is not None:
-        check_names("layer", layers, reader.seen)
-    return reader.drawing.part(axes=axes, gap=near, chain=chain, reverse=reverse, blend=within)
+        check_names(drawing.name, "layer", layers, reader.seen)
+    return drawing.part()
 
 
 class _Refused(Exception):  # noqa: N818 - carried through expat
@@ -127,9 +130,8 @@ class _Refused(Exception):  # noqa: N818 - carried through expat
 class _Reader:
     """Takes elements from expat as they open and close."""
 
-    def __init__(
-        self, name: str, unit: str | None, layers: tuple[str, ...] | None, columns: tuple[int, ...]
-    ) -> None:
+    def __init__(self, drawing: Drawing, unit: str | None, layers: tuple[str, ...] | None) -> None:
+        name, columns = drawing.name, drawing.columns
         if len(columns) != 2:
             raise PartError(f"{name}: an SVG drawing is planar: axes must be two")
         try:
@@ -137,7 +139,7 @@ class _Reader:
             from svgpathtools.parser import parse_transform
         except ImportError:
             raise missing_extra("svgpathtools", "an SVG file") from None
-        self.drawing = Drawing(name)
+        self.drawing = drawing
         self.seen: dict[str, None] = {}
         """Ids and labels of the document."""
         self._parse_path, self._parse_transform = SvgPath, parse_transform
@@ -213,6 +215,12 @@ class _Reader:
                 self.drawing.ignored[tag] += 1
             self._apart = 1
             return
+        moved = _STYLED.search(style)
+        if wanted or tag in _GROUPS:
+            if moved:
+                raise PartError(f"style sets {moved[1]!r}: use an attribute, style is not read")
+            if "transform-origin" in attributes:
+                raise PartError("transform-origin is not read: put it into transform")
         matrix = matrix @ self._transform(attributes.get("transform", ""))
         self._stack.append((matrix, wanted))
         if tag in _SHAPES and wanted:
@@ -256,7 +264,8 @@ class _Reader:
             stretched = attributes.get("preserveAspectRatio", "").strip().startswith("none")
             if stretched and len(scales) == 2 and not math.isclose(*scales, rel_tol=1e-3):
                 raise PartError("preserveAspectRatio 'none' stretches the drawing: not read")
-            scale = min(scales, default=None)
+            fitted = max if attributes.get("preserveAspectRatio", "").endswith("slice") else min
+            scale = fitted(scales, default=None)
         if self._unit is not None:
             asked = unit_size(self._unit)
             if scale is not None and not math.isclose(asked, scale, rel_tol=1e-3):
@@ -314,8 +323,10 @@ class _Reader:
         return [[place.line((x1, y1), (x2, y2))]]
 
     def _points(self, a: dict[str, str]) -> list[tuple[float, float]]:
-        words = a.get("points", "").replace(",", " ").split()
-        numbers = [self._number(word, "points") for word in words]
+        text = a.get("points", "")
+        if _NUMBER.sub("", text).replace(",", "").strip():
+            raise PartError(f"points must be numbers of user units, got {text[:80]!r}")
+        numbers = [self._number(word, "points") for word in _NUMBER.findall(text)]
         if len(numbers) % 2:
             raise PartError(f"points must be pairs, got {len(numbers)} numbers")
         return list(zip(numbers[::2], numbers[1::2], strict=True))
@@ -378,9 +389,11 @@ class _Reader:
         if data.strip() and data.strip()[0] not in "Mm":
             raise PartError("path data must begin with M or m")
         try:
-            pieces = list(self._parse_path(data))
+            with warnings.catch_warnings():  # an arc of radius 0 is a line, as SVG has it
+                warnings.simplefilter("ignore")
+                pieces = list(self._parse_path(data))
         except Exception as error:  # noqa: BLE001 - a parser of others, given any text
-            reason = str(error)[:120] or type(error).__name__
+            reason = str(error)[:120] or "an arc ends where it begins, or has no radius"
             raise PartError(f"path data cannot be read: {reason}") from None
         runs: list[list[Segment]] = []
         last: complex | None = None

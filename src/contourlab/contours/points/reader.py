@@ -46,6 +46,10 @@ LARGEST_COORDINATE = 1e5
 """Coordinates beyond this are no machine's [m]."""
 
 _UNIT = re.compile(r"\s*(.*?)\s*(?:_|[\[(/]|\s)\s*([^\s\[\](),_/]+)\s*[\])]?\s*")
+_OTHER_UNITS = frozenset(
+    symbol for what, symbols in DIMENSIONS.items() if what != "length" for symbol in symbols
+) - frozenset(DIMENSIONS["length"])
+"""Units of time, force and the like, which no coordinate has."""
 
 Rows = NDArray[Any]
 
@@ -149,6 +153,10 @@ def read_points(
             f"{name}: has {table.values.shape[1]} columns, and axes {names!r} are "
             f"{len(names)}: say which with columns"
         )
+    if len({one.lower() for one in names}) != len(names):
+        raise PartError(f"{name}: the axes must have different names, got {names!r}")
+    if columns is None:
+        _refuse_other_units(table.heading, name)
     scale = _scale(table.heading, unit, name)
     points = table.values * scale
     wrong = ~(np.abs(points) <= LARGEST_COORDINATE).all(axis=1)
@@ -209,7 +217,8 @@ def _table(
     data = read_bytes(name)
     if data[:6] == b"\x93NUMPY":
         return _of_array(name, _npy(data, name), columns)
-    text = data.decode("utf-8-sig", errors="replace")
+    wide = data[:2] in (b"\xff\xfe", b"\xfe\xff")
+    text = data.decode("utf-16" if wide else "utf-8-sig", errors="replace")
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     if len(lines) > MOST_POINTS:
         raise PartError(f"{name}: has more than {MOST_POINTS} lines")
@@ -317,6 +326,16 @@ def _split_unit(title: str) -> tuple[str, str | None]:
     if match and match[2] in DIMENSIONS["length"] and match[1]:
         return match[1], match[2]
     return title.strip(), None
+
+
+def _refuse_other_units(heading: tuple[str, ...], name: str) -> None:
+    for title in heading:
+        match = _UNIT.fullmatch(title)
+        if match and match[1] and match[2] in _OTHER_UNITS:
+            raise UnitError(
+                f"{name}: column {title!r} is in {match[2]}, which is no length: say with columns "
+                "which ones are the coordinates"
+            )
 
 
 def _names(table: Table) -> tuple[str, ...]:

@@ -100,7 +100,8 @@ def read_table(
     point = decimal if decimal is not None else _decimal(sample, found)
 
     def split(text: str) -> list[str]:
-        return text.split() if found in ("", " ") else [t.strip() for t in text.split(found)]
+        fields = text.split() if found in ("", " ") else [t.strip() for t in text.split(found)]
+        return [_unquoted(field) for field in fields] if '"' in text else fields
 
     first = split(rows[0][1])
     heading: tuple[str, ...] = ()
@@ -121,6 +122,13 @@ def read_table(
         delimiter=found,
         decimal=point,
     )
+
+
+def _unquoted(field: str) -> str:
+    """Return a field without the quotes round it; half of a pair stays, and is no number."""
+    if len(field) > 1 and field[0] == field[-1] == '"' and '"' not in field[1:-1]:
+        return field[1:-1].strip()
+    return field
 
 
 def _values(
