@@ -94,7 +94,7 @@ class Gradient(Wave):
 class Skew(Wave):
     def frenet(self, parameter, piece=None):
         frame = super().frenet(parameter, piece)
-        return type(frame)(frame.tangent, frame.tangent, None, frame.curvature, None)
+        return type(frame)(frame.tangent, frame.tangent, frame.curvature)
 
 
 def test_a_sound_contour_passes():

@@ -81,7 +81,8 @@ def test_curvature_of_an_ellipse_has_the_closed_form():
         first = -3 * a * b * m * s2 / g**6
         second = -3 * a * b * m * (2 * c2 / g**7 - 6 * m * s2**2 / g**9)
         assert_allclose(rows.curvature, [a * b / g**3, first, second], rtol=1e-11, atol=1e-4)
-        assert rows.torsion is None
+        with pytest.raises(GeometryError, match="a planar contour has no torsion"):
+            _ = rows.torsion
 
 
 def test_helix_has_constant_curvature_and_torsion():

@@ -172,3 +172,12 @@ def test_a_cusp_gives_zeros_and_no_nan():
 def test_one_axis_has_no_frame():
     with pytest.raises(GeometryError, match="2 or 3 axes, this one has 1"):
         Line(start=(0.0,), end=(1.0,)).frenet(0.0)
+
+
+def test_torsion_and_binormal_asked_of_a_planar_contour():
+    frame = Circle(radius=0.02).frenet(0.3)
+    for name in ("torsion", "binormal"):
+        with pytest.raises(GeometryError, match=f"a planar contour has no {name}"):
+            getattr(frame, name)
+        with pytest.raises(GeometryError, match=name):  # traced too
+            jax.jit(lambda p, name=name: getattr(Circle(radius=0.02).frenet(p), name))(0.3)

@@ -47,7 +47,7 @@ def leading(name, contour, at):
     geometry = contour.derivatives(at, 4)
     change = curvature_derivatives(geometry)
     k, k1 = float(change.curvature[0]), float(change.curvature[1])
-    torsion = 0.0 if change.torsion is None else float(change.torsion[0])
+    torsion = float(change.torsion[0]) if contour.n_axes == 3 else 0.0
     rows = np.asarray(arc_length_derivatives(geometry))
     fourth = rows[4] - rows[1] * (rows[1] @ rows[4]) + 4.0 * k**2 * rows[2]
     return {

@@ -240,7 +240,7 @@ def _beside(contour: Contour, parameter: Array) -> tuple[Array, Array]:
     def one(p: Array) -> tuple[Array, Array]:
         frame = contour.frenet(p)
         aside, drift = frame.normal, -frame.curvature * frame.tangent
-        if frame.binormal is not None and frame.torsion is not None:
+        if contour.n_axes == 3:
             aside = aside + frame.binormal
             drift = drift + frame.torsion * (frame.binormal - frame.normal)
         return aside, drift

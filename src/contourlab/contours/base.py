@@ -27,16 +27,46 @@ class Frenet(eqx.Module):
 
     In the plane the frame comes from the tangent alone: the normal is the tangent turned by +90°,
     the curvature is signed, and nothing is singular at an inflection; binormal and torsion do not
-    exist and are None. In space the curvature is not negative and the normal points to the centre
-    of curvature; where the curvature vanishes the normal is a defined perpendicular (see
-    :meth:`Contour.frenet`).
+    exist, and to ask for them is a GeometryError. In space the curvature is not negative and the
+    normal points to the centre of curvature; where the curvature vanishes the normal is a defined
+    perpendicular (see :meth:`Contour.frenet`).
     """
 
     tangent: AxisVector
     normal: AxisVector
-    binormal: AxisVector | None
     curvature: Scalar
-    torsion: Scalar | None
+    _binormal: AxisVector | None = None
+    _torsion: Scalar | None = None
+
+    @property
+    def binormal(self) -> Array:
+        """Unit binormal, shape (3,), or of a batch."""
+        return only_in_space("binormal", self._binormal)  # type: ignore[no-any-return]
+
+    @property
+    def torsion(self) -> Array:
+        """Torsion [1/m], positive for a right-handed helix; a scalar, or of a batch."""
+        return only_in_space("torsion", self._torsion)  # type: ignore[no-any-return]
+
+
+def only_in_space(name: str, value: Any) -> Any:
+    """Return a value, or raise GeometryError if there is none.
+
+    Parameters
+    ----------
+    name
+        What it is.
+    value
+        None in the plane.
+
+    Raises
+    ------
+    GeometryError
+        The contour is planar.
+    """
+    if value is None:
+        raise GeometryError(f"a planar contour has no {name}")
+    return value
 
 
 class Contour(Configuration):
@@ -157,7 +187,7 @@ class Contour(Configuration):
             tangent = unit(d[1])
             speed = _safe_speed(d[1])
             curvature = (d[1, 0] * d[2, 1] - d[1, 1] * d[2, 0]) / speed**3
-            return Frenet(tangent, left_normal(tangent), None, curvature, None)
+            return Frenet(tangent, left_normal(tangent), curvature)
         if self.n_axes != 3:
             raise GeometryError(
                 f"a Frenet frame needs a contour of 2 or 3 axes, this one has {self.n_axes}"
@@ -176,7 +206,7 @@ class Contour(Configuration):
         normal = jnp.cross(binormal, tangent)
         curvature = jnp.where(straight, 0.0, jnp.sqrt(safe2) / speed**3)
         torsion = jnp.where(straight, 0.0, (cross @ d[3]) / safe2)
-        return Frenet(tangent, normal, binormal, curvature, torsion)
+        return Frenet(tangent, normal, curvature, binormal, torsion)
 
     def arc_length(self, start: Scalar, end: Scalar) -> Scalar:
         """Return the length of the stretch between two parameters [m], negative if end < start.

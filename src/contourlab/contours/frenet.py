@@ -23,6 +23,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Float
 
+from contourlab.contours.base import only_in_space
 from contourlab.errors import GeometryError
 from contourlab.typing import Array, Derivatives, Flag, Scalar
 
@@ -39,8 +40,12 @@ class CurvatureDerivatives(eqx.Module):
 
     curvature: Float[Array, " n_curvature"]
     """κ, dκ/ds, d²κ/ds² ... [1/m, 1/m², ...]; signed in the plane."""
-    torsion: Float[Array, " n_torsion"] | None
-    """τ, dτ/ds ... [1/m, 1/m², ...], one fewer; None in the plane."""
+    _torsion: Float[Array, " n_torsion"] | None = None
+
+    @property
+    def torsion(self) -> Array:
+        """τ, dτ/ds ... [1/m, 1/m², ...], one fewer; a GeometryError in the plane."""
+        return only_in_space("torsion", self._torsion)  # type: ignore[no-any-return]
 
 
 def is_straight(derivatives: Derivatives) -> Flag:
@@ -129,7 +134,7 @@ def curvature_derivatives(derivatives: Derivatives) -> CurvatureDerivatives:
     bend = _derivative(tangent)
     if n_axes == 2:
         turned = [jnp.stack([-t[1], t[0]]) for t in tangent]
-        return CurvatureDerivatives(_rows(_product(turned, bend)), None)
+        return CurvatureDerivatives(_rows(_product(turned, bend)))
     straight = is_straight(derivatives)
     square = _product(bend, bend)  # (1)
     square = [jnp.where(straight, 1.0, square[0]), *square[1:]]

@@ -249,7 +249,7 @@ def _check_frenet(contour: Contour, name: str, places: Rows) -> None:
         value = getattr(frame, field.name)
         finite = value is None or np.isfinite(np.asarray(value)).all()
         assert finite, f"{name}.frenet: {field.name} is not finite"
-    vectors = [v for v in (frame.tangent, frame.normal, frame.binormal) if v is not None]
+    vectors = [frame.tangent, frame.normal, *([frame.binormal] if contour.n_axes == 3 else [])]
     axes = np.stack([np.asarray(v) for v in vectors], axis=1)
     product = axes @ np.swapaxes(axes, 1, 2)
     error = np.abs(product - np.eye(contour.n_axes)).max()

@@ -241,9 +241,7 @@ def test_layers_have_no_case_and_what_is_invisible_is_said(tmp_path):
 
     part = read_dxf(saved(tmp_path, draw), layers=["cut"])
     assert_allclose(part.path.length, 2e-3, rtol=1e-14)
-    assert part.warnings == (
-        "entities that are no path were left out: LINE that is invisible (1)",
-    )
+    assert part.warnings == ("entities that are no path were left out: LINE that is invisible (1)",)
     with pytest.raises(PartError, match=r"d\.dxf: has no layer 'cat'; "):
         read_dxf(saved(tmp_path, draw), layers=["cat"])
 
@@ -264,7 +262,8 @@ def test_bulges_that_are_all_but_straight(tmp_path):
 def test_a_whole_turn_is_one_whatever_the_rounding(tmp_path):
     starts = [216.95, 311.59]
     rest = [math.radians(start + 360.0 - start) % (2.0 * math.pi) for start in starts]
-    assert 0.0 < min(rest) < 1e-12 and 0.0 < 2.0 * math.pi - max(rest) < 1e-12
+    assert 0.0 < min(rest) < 1e-12
+    assert 0.0 < 2.0 * math.pi - max(rest) < 1e-12
 
     def draw(space, _):
         for k, start in enumerate(starts):
