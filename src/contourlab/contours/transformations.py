@@ -144,10 +144,11 @@ class Transformed(Contour):
         position
             Shape (2,) [m].
         """
-        inverse = jnp.linalg.inv(jnp.asarray(self.matrix))
+        (a, b), (c, d) = jnp.asarray(self.matrix)
+        determinant = a * d - b * c
+        inverse = jnp.stack([jnp.stack([d, -b]), jnp.stack([-c, a])]) / determinant
         level = self.inner.level_derivatives(inverse @ (jnp.asarray(position) - self.offset))
-        sign = jnp.sign(jnp.linalg.det(jnp.asarray(self.matrix)))
-        return transformed_level(level, inverse, sign)
+        return transformed_level(level, inverse, jnp.sign(determinant))
 
 
 class Reversed(Contour):
