@@ -25,10 +25,10 @@ from contourlab.contour_errors import (
 from contourlab.contour_errors.accuracy_run import run_estimator
 from contourlab.contour_errors.accuracy_samples import Motion, lagging_motion, places, stream
 from contourlab.contours import Circle, Contour, Ellipse, FigureEight, Line, foot_point
+from contourlab.contours.transformations import Reversed
 from contourlab.errors import ConfigurationError, FeedError, RefusedError, UnitError
 from contourlab.feedrate.arc_length import ArcLength
 from contourlab.recordings.reference import ReferencePoint
-from contourlab.testing.estimators import Reversed
 
 LINE = Line(start=(0.0, 0.0), end=(0.05, 0.0))
 ROUNDING = 1e-15
@@ -288,4 +288,4 @@ def test_a_contour_that_stands_still_has_no_lag():
             return jnp.stack([parameter**2, parameter**3, parameter**4])
 
     with pytest.raises(FeedError, match="cusp"):
-        study({"cusp": Cusp(forwards=study_contours()["helix"])}, "tangent", lag=1e-3)
+        study({"cusp": Cusp(inner=study_contours()["helix"])}, "tangent", lag=1e-3)

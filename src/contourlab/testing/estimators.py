@@ -9,15 +9,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
 
-from contourlab.configuration import part, real
 from contourlab.contour_errors.base import Estimator, EstimatorNeeds
 from contourlab.contours.base import Contour
 from contourlab.contours.ellipse import Ellipse
 from contourlab.contours.helix import Helix
-from contourlab.contours.level import Level, transformed_level
 from contourlab.contours.line import Line
+from contourlab.contours.transformations import Reversed, Transformed
 from contourlab.errors import RefusedError
 from contourlab.recordings.reference import Reference
 from contourlab.recordings.sample import Sample
@@ -32,112 +30,12 @@ from contourlab.testing.protocol import (
     run,
 )
 from contourlab.testing.samples import make_samples, rest_to_rest, standing
-from contourlab.typing import Array, AxisVector, Count, Scalar
 
-__all__ = ["Reversed", "Rotated", "check_estimator"]
+__all__ = ["check_estimator"]
 
 N_SAMPLES = 60
 OFFSET = 1e-5
 """How far beside the contour the estimators are tried [m]."""
-
-
-class Reversed(Contour):
-    """The same curve run backwards, over the same domain."""
-
-    forwards: Contour = part()
-
-    @property
-    def n_axes(self) -> int:
-        """As before."""
-        return self.forwards.n_axes
-
-    @property
-    def domain(self) -> tuple[Scalar, Scalar]:
-        """As before."""
-        return self.forwards.domain
-
-    @property
-    def closed(self) -> bool:
-        """As before."""
-        return self.forwards.closed
-
-    def position(self, parameter: Scalar, piece: Count | None = None) -> AxisVector:
-        """Return the point at one parameter, counted from the other end.
-
-        Parameters
-        ----------
-        parameter
-            One scalar.
-        piece
-            Not used.
-        """
-        start, end = self.domain
-        return self.forwards.position(start + end - parameter)
-
-    @property
-    def has_level(self) -> bool:
-        """Whether the curve has an implicit form."""
-        return self.forwards.has_level
-
-    def level_derivatives(self, position: AxisVector) -> Level:
-        """Return the implicit form, of the other sign.
-
-        Parameters
-        ----------
-        position
-            Shape (2,) [m].
-        """
-        return transformed_level(self.forwards.level_derivatives(position), jnp.eye(2), -1.0)
-
-
-class Rotated(Contour):
-    """A curve turned about the origin."""
-
-    original: Contour = part()
-    rotation: Float[Array, "n n"] = real()
-
-    @property
-    def n_axes(self) -> int:
-        """As before."""
-        return self.original.n_axes
-
-    @property
-    def domain(self) -> tuple[Scalar, Scalar]:
-        """As before."""
-        return self.original.domain
-
-    @property
-    def closed(self) -> bool:
-        """As before."""
-        return self.original.closed
-
-    def position(self, parameter: Scalar, piece: Count | None = None) -> AxisVector:
-        """Return the turned point at one parameter.
-
-        Parameters
-        ----------
-        parameter
-            One scalar.
-        piece
-            As in the contour.
-        """
-        return jnp.asarray(self.rotation) @ self.original.position(parameter, piece)
-
-    @property
-    def has_level(self) -> bool:
-        """Whether the curve has an implicit form."""
-        return self.original.has_level
-
-    def level_derivatives(self, position: AxisVector) -> Level:
-        """Return the implicit form, turned.
-
-        Parameters
-        ----------
-        position
-            Shape (2,) [m].
-        """
-        inverse = jnp.asarray(self.rotation).T
-        return transformed_level(self.original.level_derivatives(inverse @ position), inverse, 1.0)
 
 
 def check_estimator(
@@ -276,13 +174,13 @@ def _check_on(
         assert worst <= tolerance, f"{where} is off by {worst:.3g} m: not exact on a line"
 
     turn = _rotation(n)
-    turned_path = Rotated(original=contour, rotation=turn)
+    turned_path = Transformed(inner=contour, matrix=turn, offset=np.zeros(n), similarity=True)
     turned = estimates(turned_path, samples_of(turned_path, _along(turned_path, reference),
                                                _errors(samples) @ turn.T))  # fmt: skip
     worst = np.max(np.abs(turned - given @ turn.T))
     assert worst <= tolerance, f"{where} changes by {worst:.3g} m when the plane is turned"
 
-    back = Reversed(forwards=contour)
+    back = Reversed(inner=contour)
     start, end = (float(np.asarray(x)) for x in contour.domain)
     mirrored = _along(back, reference, flip=start + end)
     backwards = estimates(back, samples_of(back, mirrored, _errors(samples)))
