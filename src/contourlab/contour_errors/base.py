@@ -13,7 +13,7 @@ from contourlab.errors import RefusedError
 from contourlab.recordings.sample import Sample
 from contourlab.typing import AxisVector, Scalar
 
-__all__ = ["Estimator", "EstimatorNeeds"]
+__all__ = ["ContourEstimator", "Estimator", "EstimatorNeeds"]
 
 
 class EstimatorNeeds(eqx.Module):
@@ -97,3 +97,27 @@ class Estimator(Configuration):
         sample
             One instant, in tool space; the actual point is ``sample.position``.
         """
+
+
+class ContourEstimator(Estimator):
+    """One that evaluates the contour, elsewhere than at the reference: it is bound before use.
+
+    ``bind`` returns a second class, which has an ``estimate`` of its own.
+    """
+
+    def estimate(self, sample: Sample) -> AxisVector:
+        """Not possible before the contour is known.
+
+        Parameters
+        ----------
+        sample
+            One instant.
+
+        Raises
+        ------
+        RefusedError
+            Always: bind the estimator first.
+        """
+        raise RefusedError(
+            f"{type(self).__name__} evaluates the contour: call bind(contour, sample_time) first"
+        )

@@ -40,10 +40,9 @@ import jax
 import jax.numpy as jnp
 
 from contourlab.configuration import part, static
-from contourlab.contour_errors.base import Estimator, EstimatorNeeds
+from contourlab.contour_errors.base import ContourEstimator, Estimator, EstimatorNeeds
 from contourlab.contours.base import Contour
 from contourlab.contours.foot_points import cells_of, local_foot
-from contourlab.errors import RefusedError
 from contourlab.recordings.sample import Sample
 from contourlab.typing import AxisVector, Count, Scalar
 
@@ -59,7 +58,7 @@ class FootPointState(NamedTuple):
     """Piece of the contour that holds it, int32."""
 
 
-class FootPointEstimator(Estimator):
+class FootPointEstimator(ContourEstimator):
     """The exact contour error vector of the measured position; see the module.
 
     Parameters
@@ -88,23 +87,6 @@ class FootPointEstimator(Estimator):
         """
         super().bind(contour, sample_time)
         return BoundFootPointEstimator(near=self.near, contour=contour, cells=cells_of(contour))
-
-    def estimate(self, sample: Sample) -> AxisVector:
-        """Not possible before the contour is known.
-
-        Parameters
-        ----------
-        sample
-            One instant.
-
-        Raises
-        ------
-        RefusedError
-            Always: bind the estimator first.
-        """
-        raise RefusedError(
-            "FootPointEstimator evaluates the contour: call bind(contour, sample_time) first"
-        )
 
 
 class BoundFootPointEstimator(FootPointEstimator):

@@ -48,7 +48,7 @@ from typing import Any
 import jax.numpy as jnp
 
 from contourlab.configuration import part
-from contourlab.contour_errors.base import Estimator, EstimatorNeeds
+from contourlab.contour_errors.base import ContourEstimator, Estimator, EstimatorNeeds
 from contourlab.contours.base import Contour
 from contourlab.errors import RefusedError
 from contourlab.recordings.sample import Sample
@@ -57,7 +57,7 @@ from contourlab.typing import AxisVector, Scalar
 __all__ = ["GlobalTaskFrameEstimator"]
 
 
-class GlobalTaskFrameEstimator(Estimator):
+class GlobalTaskFrameEstimator(ContourEstimator):
     """Contour error vector f ∇f / |∇f|² of a contour with an implicit form; see the module."""
 
     @property
@@ -88,23 +88,6 @@ class GlobalTaskFrameEstimator(Estimator):
                 "FootPointEstimator or NewtonEstimator, which take any contour"
             )
         return BoundGlobalTaskFrameEstimator(contour=contour)
-
-    def estimate(self, sample: Sample) -> AxisVector:
-        """Not possible before the contour is known.
-
-        Parameters
-        ----------
-        sample
-            One instant.
-
-        Raises
-        ------
-        RefusedError
-            Always: bind the estimator first.
-        """
-        raise RefusedError(
-            "GlobalTaskFrameEstimator evaluates the contour: call bind(contour, sample_time) first"
-        )
 
 
 class BoundGlobalTaskFrameEstimator(GlobalTaskFrameEstimator):

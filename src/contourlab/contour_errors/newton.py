@@ -88,7 +88,7 @@ import numpy as np
 from jaxtyping import Float
 
 from contourlab.configuration import is_concrete, part, real, static
-from contourlab.contour_errors.base import Estimator, EstimatorNeeds
+from contourlab.contour_errors.base import ContourEstimator, Estimator, EstimatorNeeds
 from contourlab.contours.base import Contour, unit
 from contourlab.errors import ConfigurationError, RefusedError
 from contourlab.recordings.sample import Sample
@@ -116,7 +116,7 @@ class NewtonState(NamedTuple):
     """Piece of the contour that holds θ̂, int32."""
 
 
-class NewtonEstimator(Estimator):
+class NewtonEstimator(ContourEstimator):
     """Contour error vector at the foot point that Newton's method finds; see the module.
 
     Parameters
@@ -193,23 +193,6 @@ class NewtonEstimator(Estimator):
             rate=rate, cutoff=filtered, count=self.iterations or _ITERATIONS,
             largest=_largest_slope2(contour) if fixed else 1.0,
         )  # fmt: skip
-
-    def estimate(self, sample: Sample) -> AxisVector:
-        """Not possible before the contour is known.
-
-        Parameters
-        ----------
-        sample
-            One instant.
-
-        Raises
-        ------
-        RefusedError
-            Always: bind the estimator first.
-        """
-        raise RefusedError(
-            "NewtonEstimator evaluates the contour: call bind(contour, sample_time) first"
-        )
 
 
 class BoundNewtonEstimator(Estimator):
