@@ -1,15 +1,14 @@
 """The program as a user runs it: files, tables, JSON, exit statuses."""
 
 import json
-import signal
 import subprocess
 import sys
-import time
-from pathlib import Path
 
 import pytest
 
 from contourlab.recordings import Recording
+
+from .interrupts import interrupted
 
 SCENARIO = """
 [part]
@@ -186,31 +185,10 @@ def test_usage_and_version(folder):
 def test_an_interrupt_leaves_nothing_half_written(folder):
     long = SCENARIO.replace('"2 ms"', '"0.02 ms"')
     (folder / "s.toml").write_text(long)
-    process = subprocess.Popen(
-        [sys.executable, "-m", "contourlab", "compare", "s.toml", "--output", "out"],
-        cwd=folder, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-        # a shell that runs the tests in the background has them ignore the signal
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )  # fmt: skip
-    own = Path(f"/proc/{process.pid}")
-    for _ in range(600):  # until the command, no longer a copy of this process, has loaded JAX
-        if not own.exists():
-            break
-        started = b"compare" in (own / "cmdline").read_bytes()
-        if started and "jaxlib" in (own / "maps").read_text():
-            break
-        time.sleep(0.1)
-    time.sleep(0.5)
-    for _ in range(100):  # one that falls into a destructor is lost, as for a user
-        process.send_signal(signal.SIGINT)
-        try:
-            _, errors = process.communicate(timeout=2.0)
-            break
-        except subprocess.TimeoutExpired:
-            continue
-    if process.returncode == 0:
+    status, errors = interrupted(folder, "compare", "s.toml", "--output", "out")
+    if status == 0:
         pytest.skip("the run was over before the interrupt came")
-    assert process.returncode == 130, errors
+    assert status == 130, errors
     assert (
         not list(folder.rglob("*.html")) or (folder / "out" / "report.html").stat().st_size > 1000
     )

@@ -2,15 +2,14 @@
 
 import json
 import signal
-import subprocess
 import sys
-import time
-from pathlib import Path
 
 import pandas as pd
 import pytest
 
 from contourlab.cli import main as program
+
+from .interrupts import interrupted
 
 PART = "G21 G90 G17\nG1 X20 Y0 F3000\nG3 X25 Y5 I0 J5\nG1 Y20\nM2\n"
 FEW = ("--estimators", "tangent,osculating-circle", "--points", "20")
@@ -116,28 +115,8 @@ def test_mistakes_give_one_sentence_and_status_2(contourlab, tmp_path, arguments
 
 
 def test_an_interrupt_leaves_no_file(tmp_path):
-    process = subprocess.Popen(
-        [sys.executable, "-m", "contourlab", "estimate-accuracy", "--output", "out",
-         "--sample-time", "0.01 ms"],
-        cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-        # a shell that runs the tests in the background has them ignore the signal
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )  # fmt: skip
-    own = Path(f"/proc/{process.pid}")
-    for _ in range(600):  # until the command, no longer a copy of this process, has loaded JAX
-        if not own.exists():
-            break
-        started = b"estimate-accuracy" in (own / "cmdline").read_bytes()
-        if started and "jaxlib" in (own / "maps").read_text():
-            break
-        time.sleep(0.1)
-    time.sleep(0.5)
-    for _ in range(100):  # one that falls into a destructor is lost, as for a user
-        process.send_signal(signal.SIGINT)
-        try:
-            _, errors = process.communicate(timeout=5.0)
-            break
-        except subprocess.TimeoutExpired:
-            continue
-    assert process.returncode == 130, errors
+    status, errors = interrupted(
+        tmp_path, "estimate-accuracy", "--output", "out", "--sample-time", "0.01 ms"
+    )
+    assert status == 130, errors
     assert not (tmp_path / "out").exists()
