@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 
 from contourlab.cli import main as program
+from contourlab.cli.output import accuracy_contours
 
 from .interrupts import interrupted
 
@@ -85,6 +86,17 @@ def test_files_and_tables(contourlab, tmp_path):
     assert len(json.loads(out)["files"]) == 3
 
 
+def test_points_and_drawings_are_parts_too(tmp_path):
+    (tmp_path / "a.csv").write_text("x_mm,y_mm\n0,0\n30,0\n30,40\n")
+    (tmp_path / "b.svg").write_text(
+        '<svg width="100mm" height="50mm" viewBox="0 0 100 50"><path d="M0 0H70"/></svg>'
+    )
+    for file, axes in (("a.csv", None), ("b.svg", None), ("b.svg", "xz")):
+        chosen = accuracy_contours("line", tmp_path / file, axes)
+        assert list(chosen) == ["line", file[0]]
+        assert float(chosen[file[0]].length) == pytest.approx(0.07, rel=1e-12)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -102,10 +114,13 @@ def test_files_and_tables(contourlab, tmp_path):
         (["--contours", "helix", "--estimators", "variable-gain"], "nothing can be judged"),
         (["--part", "none.ngc"], "none.ngc"),
         (["--part", "p.ngc", "--axes", "XQ"], "axes must be two or three different ones"),
+        (["--contours", "line", "--axes", "XY"], "axes go with a part, got 'XY' and no part"),
+        (["--part", "p.csv"], "p.csv: the unit of the coordinates is not known"),
     ],
 )
 def test_mistakes_give_one_sentence_and_status_2(contourlab, tmp_path, arguments, message):
     (tmp_path / "p.ngc").write_text(PART)
+    (tmp_path / "p.csv").write_text("0,0\n1,0\n")
     status, out, errors = contourlab(*arguments, "--output", "out", "--json")
     assert status == 2, errors
     assert message in errors

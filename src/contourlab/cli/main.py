@@ -183,11 +183,18 @@ def estimate_accuracy(
     part: Annotated[
         Path | None,
         typer.Option(
-            help="Part program to judge on, in place of or beside named contours.",
+            help="Part program, points or drawing to judge on, in place of or beside named "
+            "contours.",
             show_default=False,
         ),
     ] = None,
-    axes: Annotated[str, typer.Option(help="Coordinates of the part, such as XY.")] = "XYZ",
+    axes: Annotated[
+        str | None,
+        typer.Option(
+            help="Coordinates of the part, such as XY; XYZ of a program by default.",
+            show_default=False,
+        ),
+    ] = None,
     estimators: Annotated[
         str | None, typer.Option(help="Names, with commas; all by default.", show_default=False)
     ] = None,

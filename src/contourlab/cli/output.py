@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from contourlab.contour_errors.accuracy_names import study_named
-from contourlab.contours import read_gcode
+from contourlab.contours import read_dxf, read_gcode, read_points, read_svg
 from contourlab.controllers.base import Controller
 from contourlab.errors import ConfigurationError, OutputError, ScenarioError, choices
 from contourlab.recordings import Recording
 from contourlab.recordings.files import refuse_existing
 from contourlab.reports import write_figures, write_report
+from contourlab.scenarios.part_files import file_kind
 from contourlab.simulation import Comparison
 
 __all__ = [
@@ -107,7 +108,7 @@ def write_comparison(
     return write_report(comparison, folder / REPORT, magnification=magnification, force=force)
 
 
-def accuracy_contours(names: str | None, part: Path | None, axes: str) -> Any:
+def accuracy_contours(names: str | None, part: Path | None, axes: str | None) -> Any:
     """Return the contours of an accuracy study, by name; None for the usual ones.
 
     Parameters
@@ -115,23 +116,27 @@ def accuracy_contours(names: str | None, part: Path | None, axes: str) -> Any:
     names
         With commas.
     part
-        Part program, judged under its file's name.
+        Part program, points or drawing, judged under its file's name.
     axes
-        Coordinates of the part.
+        Coordinates of the part; None for the usual ones of its kind.
 
     Raises
     ------
     ConfigurationError
-        An unknown name, the part's among them, or one that is given twice.
+        An unknown name, the part's among them, or one that is given twice; axes without a part.
     PartError
         The part cannot be read.
     """
     if part is None:
+        if axes is not None:
+            raise ConfigurationError(f"axes go with a part, got {axes!r} and no part")
         return None if names is None else names.split(",")
     contours = {} if names is None else study_named(names.split(","))
     if part.stem in contours:
         raise ConfigurationError(f"the part and a contour are both called {part.stem!r}")
-    return {**contours, part.stem: read_gcode(part, axes=tuple(axes.upper())).path}
+    read: Any = {"program": read_gcode, "points": read_points, "dxf": read_dxf, "svg": read_svg}
+    chosen: Any = {} if axes is None else {"axes": tuple(axes.upper())}
+    return {**contours, part.stem: read[file_kind(part.name)](part, **chosen).path}
 
 
 def choose_machine(machines: Iterable[str], name: str | None) -> str:
