@@ -44,6 +44,12 @@ def beside(contour, parameters, lag, offset=0.0, binormal=0.0):
     search is needed.
     """
 
+    points, vectors = _beside(contour, jnp.asarray(parameters, float), lag, offset, binormal)
+    return points, np.asarray(vectors)
+
+
+@jax.jit
+def _beside(contour, parameters, lag, offset, binormal):
     def one(p):
         slope = contour.derivatives(p, 1)[1]
         foot = p - lag / jnp.sqrt(slope @ slope)
@@ -53,8 +59,7 @@ def beside(contour, parameters, lag, offset=0.0, binormal=0.0):
             vector = vector - binormal * frame.binormal
         return contour.position(foot) - vector, vector
 
-    points, vectors = jax.jit(jax.vmap(one))(jnp.asarray(parameters, float))
-    return points, np.asarray(vectors)
+    return jax.vmap(one)(parameters)
 
 
 def sample(geometry, position, parameter=0.0):

@@ -3,6 +3,7 @@
 import importlib.util
 from pathlib import Path
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -42,13 +43,25 @@ STATIC = [
 IDS = ["tangent", "circle", "natural local", "extended", "perpendicular", "variable gain"]
 
 
+@jax.jit
+def geometry(contour, at):
+    rows = contour.derivatives(at, 4)
+    return curvature_derivatives(rows), arc_length_derivatives(rows)
+
+
+@jax.jit
+def length_behind(contour, at, lag):
+    """Return the arc length that a lag over the speed at the reference leaves."""
+    speed = jnp.linalg.norm(contour.derivatives(at, 1)[1])
+    return contour.arc_length(at - lag / speed, at)
+
+
 def leading(name, contour, at):
     """Return the coefficient of the leading power of the lag without an offset, derived."""
-    geometry = contour.derivatives(at, 4)
-    change = curvature_derivatives(geometry)
+    change, rows = geometry(contour, at)
     k, k1 = float(change.curvature[0]), float(change.curvature[1])
     torsion = float(change.torsion[0]) if contour.n_axes == 3 else 0.0
-    rows = np.asarray(arc_length_derivatives(geometry))
+    rows = np.asarray(rows)
     fourth = rows[4] - rows[1] * (rows[1] @ rows[4]) + 4.0 * k**2 * rows[2]
     return {
         "tangent": abs(k) / 2.0,
@@ -71,8 +84,7 @@ def test_on_the_contour_the_error_has_its_order_and_coefficient_in_the_lag(estim
     for lag in LAGS:
         points, _ = off_contour.beside(contour, [at], lag)
         found.append(off_contour.estimates(estimator, contour, [at], points)[0])
-        speed = np.linalg.norm(contour.derivatives(at, 1)[1])
-        lags.append(float(contour.arc_length(at - lag / speed, at)))
+        lags.append(float(length_behind(contour, at, lag)))
     found, lags = np.linalg.norm(found, axis=1), np.array(lags)
     slopes = np.diff(np.log(found)) / np.diff(np.log(lags))
     # the next order is relatively of the size lag / radius, 1 in 30 here

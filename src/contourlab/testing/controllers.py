@@ -23,8 +23,10 @@ from contourlab.testing.protocol import (
     check_pure,
     check_state,
     check_traced,
+    compiled_run,
     fields_below,
     float_leaves,
+    outputs,
     run,
 )
 from contourlab.testing.samples import make_samples, sample_at
@@ -87,8 +89,7 @@ def check_controller(
         taken.append((path, samples))
     assert taken, f"{name} refuses every contour that it was offered"
     path, samples = taken[-1]
-    _check_derivatives(controller, path, samples, sample_time)
-    _check_batch(controller, path, samples, sample_time)
+    _check_numbers(controller, path, samples, sample_time)
     _check_fields(controller, path, samples, sample_time, inert)
 
 
@@ -129,14 +130,14 @@ def _check_bound(
     check_state(law, samples, n_axes)
     check_pure(law, samples)
     check_traced(law, samples)
-    commands, state = _run(law, samples)
+    commands, state = compiled_run(law, samples)
     assert np.all(np.isfinite(commands)), f"{name} gives a command that is not finite"
     _check_reports(law, state)
     still = make_samples(
         contour, N_SAMPLES, sample_time, controller.needs,
         error=np.zeros(n_axes), reference=reference,
     )  # fmt: skip
-    commands, _ = _run(law, still)
+    commands, _ = compiled_run(law, still)
     assert np.all(np.isfinite(commands)), f"{name} gives no finite command at zero tracking error"
     first = sample_at(samples, 0)
     lost = Sample(
@@ -146,9 +147,6 @@ def _check_bound(
     command, after = _first_step(law, first, lost)
     assert jnp.shape(command) == (n_axes,), f"{name} loses the shape of its command to NaN"
     _check_reports(law, after)
-
-
-_run = jax.jit(run)
 
 
 @jax.jit
@@ -185,22 +183,28 @@ def _commands(
     return controller, lambda law: run(law.bind(contour, sample_time), samples)[0]
 
 
-def _check_derivatives(
+def _check_numbers(
     controller: Controller, contour: Contour, samples: Sample, sample_time: float
 ) -> None:
-    name = type(controller).__name__
+    """Check derivatives with respect to every number of the law, and batches of laws."""
     subject, commands = _commands(controller, contour, samples, sample_time)
     named, rebuild = float_leaves(subject)
+    of_leaves = jax.jit(lambda leaves: commands(rebuild(leaves)))
+    _check_derivatives(controller, named, of_leaves)
+    _check_batch(controller, named, of_leaves)
+
+
+def _check_derivatives(controller: Controller, named: list[Any], commands: Any) -> None:
+    name = type(controller).__name__
     values = [leaf for _, leaf in named]
     weights = _weights(controller.n_axes)
 
-    @jax.jit
     def value(leaves: list[Any]) -> Any:
-        return jnp.sum(weights * commands(rebuild(leaves)))
+        return jnp.sum(weights * commands(leaves))
 
     backward = jax.jit(jax.grad(value))(values)
     forward_of = jax.jit(lambda leaves, along: jax.jvp(value, (leaves,), (along,))[1])
-    size = float(jnp.sum(jnp.abs(weights * jax.jit(commands)(subject))))
+    size = float(jnp.sum(jnp.abs(weights * commands(values))))
     for k, (path, leaf) in enumerate(named):
         where = f"the derivative of {name} with respect to {path}"
         assert np.all(np.isfinite(backward[k])), f"{where} is not finite"
@@ -228,17 +232,12 @@ def _check_derivatives(
         )
 
 
-def _check_batch(
-    controller: Controller, contour: Contour, samples: Sample, sample_time: float
-) -> None:
-    subject, commands = _commands(controller, contour, samples, sample_time)
-    named, rebuild = float_leaves(subject)
+def _check_batch(controller: Controller, named: list[Any], commands: Any) -> None:
     factors = (1.0, 1.01, 0.99)
     batch = [np.stack([leaf * factor for factor in factors]) for _, leaf in named]
-    together = jax.jit(jax.vmap(lambda leaves: commands(rebuild(leaves))))(batch)
-    one = jax.jit(lambda leaves: commands(rebuild(leaves)))
+    together = jax.jit(jax.vmap(commands))(batch)
     for k, factor in enumerate(factors):
-        alone = np.asarray(one([leaf * factor for _, leaf in named]))
+        alone = np.asarray(commands([leaf * factor for _, leaf in named]))
         scale = max(1e-300, float(np.max(np.abs(alone))))
         np.testing.assert_allclose(
             together[k], alone, rtol=0.0, atol=1e-9 * scale,
@@ -259,7 +258,7 @@ def _check_fields(
         # a change of what is needed is a change already; the samples then no longer fit
         if law.needs != controller.needs:
             return law.needs, None
-        return law.needs, np.asarray(_run(law.bind(contour, sample_time), samples)[0])
+        return law.needs, np.asarray(outputs(law.bind(contour, sample_time), samples))
 
     needs, base = observe(controller)
     peak = float(np.max(np.abs(base)))

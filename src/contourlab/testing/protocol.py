@@ -20,6 +20,7 @@ __all__ = [
     "check_pure",
     "check_state",
     "check_traced",
+    "compiled_run",
     "fields_below",
     "float_leaves",
     "outputs",
@@ -50,7 +51,10 @@ def run(law: Any, samples: Sample) -> tuple[jax.Array, Any]:
     return outputs, state
 
 
-@jax.jit
+compiled_run = jax.jit(run)
+"""``run``, compiled once for each kind of law."""
+
+
 def outputs(law: Any, samples: Sample) -> jax.Array:
     """Return the outputs of a law over stacked samples, compiled.
 
@@ -61,7 +65,7 @@ def outputs(law: Any, samples: Sample) -> jax.Array:
     samples
         Stacked.
     """
-    return run(law, samples)[0]
+    return compiled_run(law, samples)[0]  # type: ignore[no-any-return]
 
 
 def check_frozen(configuration: Any) -> None:
@@ -165,7 +169,7 @@ def check_traced(law: Any, samples: Sample) -> None:
         Stacked.
     """
     short = jax.tree.map(lambda x: x[:UNTRACED_STEPS], samples)
-    traced = np.asarray(outputs(law, short))
+    traced = np.asarray(outputs(law, samples))[:UNTRACED_STEPS]
     name = type(law).__name__
     assert np.all(np.isfinite(traced)), f"{name} gives a number that is not finite"
     with jax.disable_jit():
