@@ -243,7 +243,7 @@ def test_random_nurbs_nearby():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["cardioid", "corner", "jump of curvature", "lissajous"])
+@pytest.mark.parametrize("name", ["corner", "jump of curvature"])
 def test_many_on_formulas(name):
     rng = np.random.default_rng(0)
     check_global(*formula(name), rng, 400)
@@ -261,7 +261,9 @@ def test_more_on_formulas(name, seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize(
+    "seed", [k if k < 4 else pytest.param(k, marks=pytest.mark.overnight) for k in range(20)]
+)
 def test_many_on_nurbs(seed):
     rng = np.random.default_rng(seed)
     check_global(*nurbs(rng, 2 + seed % 2, 2 + seed % 4, 10.0 ** rng.integers(-6, 4)), rng, 200)

@@ -136,19 +136,23 @@ def test_same_numbers_as_argument_closed_over_and_without_jit():
     assert_allclose(plain, closed_over[::4], rtol=1e-13, atol=1e-13)
 
 
-@pytest.mark.parametrize("at", [0.5, 1.7, 3.4])
-def test_gradients_cross_the_look_up_both_ways(at):
+def test_gradients_cross_the_look_up_both_ways():
     path = mixed()
-    tangent, second = jax.jit(lambda s: path.derivatives(s, 2))(at)[1:]
 
     def located(s):
         return path.position(s, path.locate(s, jnp.int32(0)))
 
-    for curve in (path.position, located):
-        assert_allclose(jax.jit(jax.jacrev(curve))(at), tangent, rtol=1e-12, atol=1e-14)
-        assert_allclose(jax.jit(jax.jacfwd(curve))(at), tangent, rtol=1e-12, atol=1e-14)
-    bend = jax.jit(jax.jacfwd(jax.jacrev(located)))(at)
-    assert_allclose(bend, second, rtol=1e-10, atol=1e-12)
+    @jax.jit
+    def everything(s):
+        firsts = [way(curve)(s) for curve in (path.position, located)
+                  for way in (jax.jacrev, jax.jacfwd)]  # fmt: skip
+        return path.derivatives(s, 2), firsts, jax.jacfwd(jax.jacrev(located))(s)
+
+    for at in (0.5, 1.7, 3.4):  # one in each piece
+        rows, firsts, bend = everything(at)
+        for first in firsts:
+            assert_allclose(first, rows[1], rtol=1e-12, atol=1e-14)
+        assert_allclose(bend, rows[2], rtol=1e-10, atol=1e-12)
 
 
 def test_joints_say_how_far_the_path_turns_and_bends():
@@ -206,10 +210,13 @@ def test_exact_contours_enter_a_path_exactly(contour):
     assert path.closed == contour.closed
     assert_allclose(path.length, contour.length, rtol=1e-14)
     places = np.linspace(0.0, float(contour.domain[1]), 60)
-    s = jax.vmap(lambda p: contour.arc_length(0.0, p))(places)
-    got = jax.jit(jax.vmap(lambda s: path.position(s)))(s)
+
+    def both(p):
+        return path.position(contour.arc_length(0.0, p)), contour.position(p)
+
+    got, wanted = jax.jit(jax.vmap(both))(places)
     # 1e-13 along the curve from the series, sizes up to 3
-    assert_allclose(got, jax.vmap(lambda p: contour.position(p))(places), rtol=0, atol=1e-12)
+    assert_allclose(got, wanted, rtol=0, atol=1e-12)
     assert len(path.corners(tolerance=1e-9)) == 0
 
 

@@ -154,7 +154,7 @@ def natural_laws(n):
 @pytest.mark.parametrize(
     ("n", "estimate"),
     [(2, "extended"), (2, "natural"), pytest.param(3, "extended", marks=pytest.mark.slow),
-     (3, "natural")],
+     pytest.param(3, "natural", marks=[pytest.mark.slow, pytest.mark.overnight])],
 )  # fmt: skip
 def test_normal_and_binormal_decouple_from_the_tangential_error(n, estimate):
     contour = OvalHelix() if n == 3 else Ellipse(semi_axes=(0.03, 0.01))

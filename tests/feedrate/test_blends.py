@@ -92,7 +92,13 @@ def test_a_program_that_merges_to_one_line():
     assert_allclose(planned.reference.position[-1], [0.02, 0.0], atol=1e-15)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize(
+    "seed",
+    [
+        *range(3),
+        *(pytest.param(k, marks=[pytest.mark.slow, pytest.mark.overnight]) for k in range(3, 8)),
+    ],
+)
 def test_limits_hold_on_random_programs_with_blends_and_splines(seed):
     rng = np.random.default_rng(seed)
     lines, place = ["F3000"], np.zeros(2)

@@ -26,6 +26,7 @@ from contourlab.machines import (
     machining_centre,
     published,
 )
+from contourlab.machines.base import IdentityTool
 from contourlab.machines.rigid import BoundRigidAxes, RigidState
 from contourlab.testing.machines import check_machine
 
@@ -87,17 +88,11 @@ def test_examples_conform(name):
     check_machine(MACHINES[name]())
 
 
-@pytest.fixture
-def patched(monkeypatch):
-    """A function that is exchanged must not be found compiled, neither before nor after."""
-    jax.clear_caches()
-    yield monkeypatch
-    jax.clear_caches()
-
-
 def simple():
+    """A machine of a type of its own: what is exchanged in it is not found compiled, nor kept."""
+    own = type("OwnTool", (IdentityTool,), {})
     return Machine(
-        names=("X", "Y"), dynamics=RigidAxes(mass=1.0, viscous=2.0),
+        names=("X", "Y"), dynamics=RigidAxes(mass=1.0, viscous=2.0), tool=own(),
         drive=Drive(command="force", command_limit=5.0), sensor=Encoder(resolution=1e-6),
     )  # fmt: skip
 
@@ -120,53 +115,53 @@ class Rounds:
         return RigidState(state.position + 1e-3 * Rounds.count, state.velocity)
 
 
-def test_the_check_sees_drift(patched):
-    patched.setattr(BoundRigidAxes, "advance", drifts)
+def test_the_check_sees_drift(monkeypatch):
+    monkeypatch.setattr(BoundRigidAxes, "advance", drifts)
     with pytest.raises(AssertionError, match="drift"):
         check_machine(simple())
 
 
-def test_the_check_sees_a_changed_shape(patched):
-    patched.setattr(BoundRigidAxes, "advance", forgets)
+def test_the_check_sees_a_changed_shape(monkeypatch):
+    monkeypatch.setattr(BoundRigidAxes, "advance", forgets)
     with pytest.raises(AssertionError, match=r"state.* became"):
         check_machine(simple())
 
 
-def test_the_check_sees_hidden_state(patched):
+def test_the_check_sees_hidden_state(monkeypatch):
     rounds = Rounds()
-    patched.setattr(BoundRigidAxes, "advance", lambda *a: rounds(*a))
+    monkeypatch.setattr(BoundRigidAxes, "advance", lambda *a: rounds(*a))
     with pytest.raises(AssertionError, match="two answers"):
         check_machine(simple())
 
 
-def test_the_check_sees_a_drive_that_does_not_clip(patched):
-    patched.setattr(BoundMachine, "_clip", lambda self, command: command)
+def test_the_check_sees_a_drive_that_does_not_clip(monkeypatch):
+    monkeypatch.setattr(BoundMachine, "_clip", lambda self, command: command)
     with pytest.raises(AssertionError, match="beyond the limit"):
         check_machine(simple())
 
 
-def test_the_check_sees_a_rounding_that_cuts_the_gradient(patched):
-    patched.setattr(encoder, "straight_through_round", jnp.round)
+def test_the_check_sees_a_rounding_that_cuts_the_gradient(monkeypatch):
+    monkeypatch.setattr(encoder, "straight_through_round", jnp.round)
     with pytest.raises(AssertionError, match="gradient"):
         check_machine(simple())
 
 
-def test_the_check_sees_positions_off_the_grid(patched):
-    patched.setattr(encoder, "straight_through_round", lambda x: x)
+def test_the_check_sees_positions_off_the_grid(monkeypatch):
+    monkeypatch.setattr(encoder, "straight_through_round", lambda x: x)
     with pytest.raises(AssertionError, match="grid"):
         check_machine(simple())
 
 
-def test_the_check_sees_a_delay_that_is_ignored(patched):
-    patched.setattr(Drive, "split", lambda self, sample_time: (0, (1.0,)))
+def test_the_check_sees_a_delay_that_is_ignored(monkeypatch):
+    monkeypatch.setattr(Drive, "split", lambda self, sample_time: (0, (1.0,)))
     with pytest.raises(AssertionError, match="delay"):
         check_machine(simple())
 
 
-def test_the_check_sees_noise_that_stands_still(patched):
+def test_the_check_sees_noise_that_stands_still(monkeypatch):
     from contourlab.machines import bound_machine as machine
 
-    patched.setattr(machine, "_next", lambda words: (words, jax.random.key(0)))
+    monkeypatch.setattr(machine, "_next", lambda words: (words, jax.random.key(0)))
     with pytest.raises(AssertionError, match="noise"):
         check_machine(simple())
 

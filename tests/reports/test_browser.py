@@ -92,8 +92,14 @@ def test_the_policy_stops_a_request(chromium, report, tmp_path):
     assert any("b.test" in line for line in visit.console)
 
 
+@pytest.fixture(scope="module")
+def before(chromium, report, tmp_path_factory):
+    """What is drawn before the reader does anything."""
+    return probed(chromium, report, tmp_path_factory.mktemp("before"))[1]
+
+
 @pytest.mark.parametrize("how", ["slider", "field", "address"])
-def test_the_reader_changes_the_factor(chromium, report, tmp_path, how):
+def test_the_reader_changes_the_factor(chromium, report, before, tmp_path, how):
     # the slider is logarithmic from 1 to 10 000: the middle is 100, three quarters 1000
     act = {
         "slider": "const s = document.getElementById('slider'); s.value = 750;"
@@ -103,7 +109,6 @@ def test_the_reader_changes_the_factor(chromium, report, tmp_path, how):
         "address": "",
     }[how]
     fragment = "#magnification=1000" if how == "address" else ""
-    _, before = probed(chromium, report, tmp_path)
     visit, after = probed(chromium, report, tmp_path, act, fragment)
     assert visit.attribute("data-magnification") == "1000"
     assert after["hash"] == "#magnification=1000"

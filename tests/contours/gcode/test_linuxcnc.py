@@ -671,7 +671,13 @@ def test_generated_programs(seed: int, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(1000, 3000, 100))
+@pytest.mark.parametrize(
+    "seed",
+    [
+        k if k < 1500 else pytest.param(k, marks=pytest.mark.overnight)
+        for k in range(1000, 3000, 100)
+    ],
+)
 def test_many_generated_programs(seed: int, tmp_path: Path) -> None:
     refused = sum(agree(seed + k, tmp_path) for k in range(20))
     assert refused < 15
