@@ -99,13 +99,13 @@ def test_simulate_one_of_several(folder):
         (("n_axes = 2", "n_axes = 2\nset = { travel = ['0 mm', '15 mm'] }"), "travel of axis X"),
     ],
 )  # fmt: skip
-def test_mistakes_give_one_sentence_status_2_and_no_files(folder, change, message):
+def test_mistakes_give_one_sentence_status_2_and_no_files(in_process, folder, change, message):
     (folder / "s.toml").write_text(SCENARIO.replace(*change, 1))
-    run = contourlab(folder, "compare", "s.toml", "--output", "out")
-    assert run.returncode == 2, run.stderr
-    assert message in run.stderr
-    assert run.stderr.count("\n") == 1
-    assert "Traceback" not in run.stderr
+    status, _, errors = in_process("compare", "s.toml", "--output", "out")
+    assert status == 2, errors
+    assert message in errors
+    assert errors.count("\n") == 1
+    assert "Traceback" not in errors
     assert not (folder / "out").exists()
 
 

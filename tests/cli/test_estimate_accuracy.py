@@ -1,13 +1,10 @@
 """``contourlab estimate-accuracy`` as a user runs it."""
 
 import json
-import signal
-import sys
 
 import pandas as pd
 import pytest
 
-from contourlab.cli import main as program
 from contourlab.cli.output import accuracy_contours
 
 from .interrupts import interrupted
@@ -17,20 +14,8 @@ FEW = ("--estimators", "tangent,osculating-circle", "--points", "20")
 
 
 @pytest.fixture
-def contourlab(tmp_path, monkeypatch, capsys):
-    """Run the program in this process, in an empty folder; its compile cache stays as it is."""
-    # the program leaves interrupts ignored, which the test run must not
-    monkeypatch.setattr(signal, "signal", lambda *_: None)
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys.modules["contourlab.cli.main"], "_prepare", lambda: None)
-
-    def run(*arguments):
-        monkeypatch.setattr(sys, "argv", ["contourlab", "estimate-accuracy", *arguments])
-        with pytest.raises(SystemExit) as stopped:
-            program()
-        return stopped.value.code or 0, *capsys.readouterr()
-
-    return run
+def contourlab(in_process):
+    return lambda *arguments: in_process("estimate-accuracy", *arguments)
 
 
 def test_json_has_the_promised_rows(contourlab):
