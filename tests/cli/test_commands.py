@@ -1,12 +1,16 @@
 """The program as a user runs it: files, tables, JSON, exit statuses."""
 
+import dataclasses
 import json
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
+from contourlab.papers import natural_local
 from contourlab.recordings import Recording
+from contourlab.reports import PaperFigure, Reproduction
 
 from .interrupts import interrupted
 
@@ -206,12 +210,30 @@ def test_reproduce_refuses_an_unknown_paper_and_files_that_exist(folder):
     assert (folder / "natural_local_figure_5.png").read_text() == "mine"
 
 
-@pytest.mark.slow
-def test_reproduce_prints_json(folder):
-    run = contourlab(folder, "reproduce", "natural-local", "--json", "--figures", "out")
-    assert run.returncode == 0, run.stderr
-    result = json.loads(run.stdout)
+def test_reproduce_prints_json(in_process, folder, monkeypatch):
+    """With two of a paper's figures; its whole run is looked at in its own tests."""
+    time = np.linspace(0.0, 1.0, 9)
+    figure = PaperFigure(
+        name="natural_local_figure_3", title="t", y_label="y", time=time, curves=(("a", time),)
+    )
+
+    def short(progress):
+        progress("natural-local", 1.0)
+        rows = tuple(natural_local.speed_row(table) for table in natural_local.TABLES)
+        return Reproduction(
+            paper="natural-local", title="title", rows=rows, figures=(figure,),
+            assumed=("All is assumed.",),
+        )  # fmt: skip
+
+    paper = dataclasses.replace(natural_local.PAPER, figures=(figure.name,), run=short)
+    monkeypatch.setattr(natural_local, "PAPER", paper)
+    status, out, errors = in_process("reproduce", "natural-local", "--json", "--figures", "out")
+    assert status == 0, errors
+    result = json.loads(out)
     assert result["schema"] == "contourlab.reproduce/1"
     assert result["paper"] == "natural-local"
-    assert {row["verdict"] for row in result["rows"]} <= {"matched", "relation", "differs"}
-    assert len(list((folder / "out").glob("*.png"))) == 4
+    assert [row["verdict"] for row in result["rows"]] == ["matched", "differs"]
+    assert [file.name for file in (folder / "out").glob("*.png")] == [f"{figure.name}.png"]
+    status, out, errors = in_process("reproduce", "natural-local")
+    assert status == 0, errors
+    assert "assumed: All is assumed." in out

@@ -273,9 +273,10 @@ def _check_fields(
     paths = []
     for path, kind, rule, value in fields_below(controller):
         paths.append(path)
-        effects = [matters(path, other) for other in _others(kind, rule, value, peak)]
-        if not effects:
+        others = _others(kind, rule, value, peak)
+        if not others:
             continue
+        effects = (matters(path, other) for other in others)  # until one does
         if path in inert:
             assert not any(effects), f"{name}.{path} is declared inert, yet it changes the command"
         elif kind == "choice":
