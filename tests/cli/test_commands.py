@@ -8,6 +8,7 @@ import sys
 import numpy as np
 import pytest
 
+from contourlab import papers
 from contourlab.papers import natural_local
 from contourlab.recordings import Recording
 from contourlab.reports import PaperFigure, Reproduction
@@ -48,7 +49,7 @@ def contourlab(folder, *arguments):
     )  # fmt: skip
 
 
-def test_compare_writes_report_figures_and_recordings(folder):
+def test_compare_writes_report_figures_and_recordings(folder, in_process):
     run = contourlab(folder, "compare", "s.toml", "--output", "out", "--json")
     assert run.returncode == 0, run.stderr
     result = json.loads(run.stdout)
@@ -61,32 +62,32 @@ def test_compare_writes_report_figures_and_recordings(folder):
     assert (folder / result["report"]).read_text().startswith("<!DOCTYPE html>")
     assert Recording.load(folder / "out" / "fast.nc").metrics["contour_error_rms"] == rms[1]
     assert list((folder / "out").glob("*.png"))
-    again = contourlab(folder, "compare", "s.toml", "--output", "out")
-    assert again.returncode == 2
-    assert "exists already" in again.stderr
-    forced = contourlab(folder, "compare", "s.toml", "--output", "out", "--force")
-    assert forced.returncode == 0, forced.stderr
-    assert "slow" in forced.stdout
+    status, _, errors = in_process("compare", "s.toml", "--output", "out")
+    assert status == 2
+    assert "exists already" in errors
+    status, out, errors = in_process("compare", "s.toml", "--output", "out", "--force")
+    assert status == 0, errors
+    assert "slow" in out
 
 
-def test_compare_without_output_prints_a_table_and_writes_nothing(folder):
+def test_compare_without_output_prints_a_table_and_writes_nothing(folder, in_process):
     before = sorted(folder.iterdir())
-    run = contourlab(folder, "compare", "s.toml")
-    assert run.returncode == 0, run.stderr
-    assert "[um]" in run.stdout
-    assert "fast" in run.stdout
+    status, out, errors = in_process("compare", "s.toml")
+    assert status == 0, errors
+    assert "[um]" in out
+    assert "fast" in out
     assert sorted(folder.iterdir()) == before
 
 
-def test_simulate_one_of_several(folder):
-    run = contourlab(folder, "simulate", "s.toml", "--json")
-    assert run.returncode == 2
-    assert "choose one with --controller: slow, fast" in run.stderr
-    run = contourlab(
-        folder, "simulate", "s.toml", "--controller", "slow", "--output", "r.csv", "--json"
+def test_simulate_one_of_several(folder, in_process):
+    status, _, errors = in_process("simulate", "s.toml", "--json")
+    assert status == 2
+    assert "choose one with --controller: slow, fast" in errors
+    status, out, errors = in_process(
+        "simulate", "s.toml", "--controller", "slow", "--output", "r.csv", "--json"
     )
-    assert run.returncode == 0, run.stderr
-    result = json.loads(run.stdout)
+    assert status == 0, errors
+    result = json.loads(out)
     assert result["schema"] == "contourlab.simulate/1"
     assert result["controller"] == "slow"
     assert (folder / "r.csv").read_text().startswith("time,")
@@ -126,7 +127,7 @@ computing_delay = "1 ms"
 """
 
 
-def test_several_machines_and_values_that_vary(folder):
+def test_several_machines_and_values_that_vary(folder, in_process):
     start, end = SCENARIO.index("[machine]"), SCENARIO.index("[[controller]]")
     vary = '[vary]\nsamples = 3\n"machine.resolution" = { values = ["0 um", "1 um", "2 um"] }\n'
     (folder / "s.toml").write_text(SCENARIO[:start] + MACHINES + SCENARIO[end:] + vary)
@@ -150,22 +151,22 @@ def test_several_machines_and_values_that_vary(folder):
         "summary.png", "spread.png", "slow_on_a.nc", "fast_on_a.nc", "slow_on_b_c.nc",
         "fast_on_b_c.nc",
     }  # fmt: skip
-    run = contourlab(folder, "simulate", "s.toml", "--controller", "slow", "--json")
-    assert run.returncode == 2
-    assert "choose one with --machine: a, b c" in run.stderr
-    run = contourlab(
-        folder, "simulate", "s.toml", "--machine", "b c", "--controller", "slow", "--json"
+    status, _, errors = in_process("simulate", "s.toml", "--controller", "slow", "--json")
+    assert status == 2
+    assert "choose one with --machine: a, b c" in errors
+    status, out, errors = in_process(
+        "simulate", "s.toml", "--machine", "b c", "--controller", "slow", "--json"
     )
-    assert run.returncode == 0, run.stderr
-    single = json.loads(run.stdout)
+    assert status == 0, errors
+    single = json.loads(out)
     assert single["metrics"] == result["runs"][2]["metrics"]
     assert "[vary] is for compare" in single["warnings"][0]
-    run = contourlab(folder, "simulate", "s.toml", "--machine", "a", "--controller", "slow")
-    assert run.stderr.count("warning: [vary] is for compare") == 1
-    run = contourlab(folder, "compare", "s.toml")
-    assert run.returncode == 0, run.stderr
-    assert "on b c" in run.stdout
-    assert "3 samples: median [5 % .. 95 %] in um" in run.stdout
+    _, _, errors = in_process("simulate", "s.toml", "--machine", "a", "--controller", "slow")
+    assert errors.count("warning: [vary] is for compare") == 1
+    status, out, errors = in_process("compare", "s.toml")
+    assert status == 0, errors
+    assert "on b c" in out
+    assert "3 samples: median [5 % .. 95 %] in um" in out
 
 
 def test_recordings_never_share_a_file():
@@ -199,14 +200,14 @@ def test_an_interrupt_leaves_nothing_half_written(folder):
     assert not [p for p in folder.rglob(".*") if p.is_file()]
 
 
-def test_reproduce_refuses_an_unknown_paper_and_files_that_exist(folder):
-    run = contourlab(folder, "reproduce", "natural-lokal")
-    assert run.returncode == 2
-    assert "did you mean natural-local?" in run.stderr
+def test_reproduce_refuses_an_unknown_paper_and_files_that_exist(folder, in_process):
+    status, _, errors = in_process("reproduce", "natural-lokal")
+    assert status == 2
+    assert "did you mean natural-local?" in errors
     (folder / "natural_local_figure_5.png").write_text("mine")
-    run = contourlab(folder, "reproduce", "natural-local", "--figures", ".")
-    assert run.returncode == 2
-    assert "exists already" in run.stderr
+    status, _, errors = in_process("reproduce", "natural-local", "--figures", ".")
+    assert status == 2
+    assert "exists already" in errors
     assert (folder / "natural_local_figure_5.png").read_text() == "mine"
 
 
@@ -226,7 +227,7 @@ def test_reproduce_prints_json(in_process, folder, monkeypatch):
         )  # fmt: skip
 
     paper = dataclasses.replace(natural_local.PAPER, figures=(figure.name,), run=short)
-    monkeypatch.setattr(natural_local, "PAPER", paper)
+    monkeypatch.setattr(papers, "paper_named", {paper.slug: paper}.get)
     status, out, errors = in_process("reproduce", "natural-local", "--json", "--figures", "out")
     assert status == 0, errors
     result = json.loads(out)
