@@ -76,13 +76,14 @@ MACHINES = {
 }
 
 
-SLOW = {"iron core", "machining centre, late"}
+SLOW = dict.fromkeys(["iron core", "machining centre, late"], [pytest.mark.slow])
 """The derivatives of two masses with all that is rough take long to compile."""
+# rigid axes and a delay are in others too
+SLOW["linear motor, late"] = [pytest.mark.slow, pytest.mark.overnight]
 
 
 @pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=pytest.mark.slow if name in SLOW else ()) for name in MACHINES],
+    "name", [pytest.param(name, marks=SLOW.get(name, ())) for name in MACHINES]
 )
 def test_examples_conform(name):
     check_machine(MACHINES[name]())
