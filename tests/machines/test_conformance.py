@@ -76,10 +76,13 @@ MACHINES = {
 }
 
 
-SLOW = dict.fromkeys(["iron core", "machining centre, late"], [pytest.mark.slow])
-"""The derivatives of two masses with all that is rough take long to compile."""
-# rigid axes and a delay are in others too
-SLOW["linear motor, late"] = [pytest.mark.slow, pytest.mark.overnight]
+SLOW = {
+    # the derivatives of two masses with all that is rough take long to compile
+    "iron core": pytest.mark.slow,
+    "machining centre, late": pytest.mark.slow,
+    # rigid axes and a delay are in others too
+    "linear motor, late": [pytest.mark.slow, pytest.mark.overnight],
+}
 
 
 @pytest.mark.parametrize(
