@@ -292,3 +292,13 @@ def test_a_contour_that_stands_still_has_no_lag():
 
     with pytest.raises(FeedError, match="cusp"):
         study({"cusp": Cusp()}, "tangent", lag=1e-3)
+
+
+def test_near_a_crossing_the_judge_keeps_to_the_branch_of_the_reference():
+    """Where the figure of eight crosses itself the other branch is nearer than 2 mm."""
+    eight = FigureEight(half_sizes=(0.03, 0.03))
+    found = study({"eight": eight}, "newton", lag=1e-3, offset=2e-3, points=60, cost=False)
+    points = np.asarray(jax.vmap(eight.position)(jnp.linspace(0.0, 2.0 * jnp.pi, 60)))
+    assert np.sum(np.linalg.norm(points, axis=1) < 2e-3) >= 2  # some of it is there
+    assert found.rows[0].error_max < 1e-12
+    assert found.rows[0].vector_error_max < 1e-12
