@@ -1,0 +1,27 @@
+"""The connected stretch of an arc whose plane the reference point is not in."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.testing import assert_allclose
+
+from contourlab.contours import Arc, Path, foot_point, local_foot
+from contourlab.contours.foot_points import cells_of
+
+
+def test_an_arc_leaves_the_ball_by_its_distance_from_the_plane_too():
+    """Up a line to the plane of an arc, whose far side is out of the ball only by the height."""
+    line = Path.polyline([[0.0, 0.0, -3.0], [0.0, 0.0, 0.0]])
+    arc = Arc(
+        center=(1.0, 0.0, 0.0), start=(0.0, 0.0, 0.0), angle=np.deg2rad(350), normal=(0, 0, 1)
+    )
+    path = Path.join([line, Path.from_contour(arc, 1e-9)])
+    reference, beyond = np.array([0.0, 0.0, -1.5]), np.array([0.5, np.sqrt(0.75), 0.0])
+    q = reference + 1.2 * (beyond - reference) / np.linalg.norm(beyond - reference)
+    # twice the error is 2.4; the far side is 2 away in the plane, and 2.5 with the height of 1.5
+    foot = foot_point(path, q[None], near=[1.5])
+    assert_allclose(foot.position, [[0.0, 0.0, q[2]]], atol=1e-14)
+    everywhere = foot_point(path, q[None])
+    assert everywhere.distance[0] < foot.distance[0] - 0.05  # beyond the far side it is nearer
+    traced = jax.jit(local_foot)(cells_of(path), jnp.asarray(q), 1.5)
+    assert_allclose(traced.position, [0.0, 0.0, q[2]], atol=1e-14)
