@@ -7,8 +7,11 @@ from contourlab.controllers.cascade import Cascade
 from contourlab.controllers.cross_coupled import CrossCoupled
 from contourlab.controllers.first_order_task_frame import FirstOrderTaskFrame
 from contourlab.controllers.frames import FrameMotion, LocalTaskFrame
+from contourlab.controllers.integral_sliding_mode import IntegralSlidingMode
 from contourlab.controllers.natural_local_task_frame import NaturalLocalTaskFrame
+from contourlab.controllers.newton_cross_coupled import NewtonCrossCoupled
 from contourlab.controllers.task_frame import BoundTaskFrameController, TaskFrameController
+from contourlab.controllers.variable_gain_cross_coupled import VariableGainCrossCoupled
 
 __all__ = [
     "AxisController",
@@ -21,9 +24,12 @@ __all__ = [
     "CrossCoupled",
     "FirstOrderTaskFrame",
     "FrameMotion",
+    "IntegralSlidingMode",
     "LocalTaskFrame",
     "NaturalLocalTaskFrame",
     "Needs",
+    "NewtonCrossCoupled",
     "TaskFrameController",
+    "VariableGainCrossCoupled",
     "in_tool_space",
 ]

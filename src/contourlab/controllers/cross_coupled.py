@@ -54,7 +54,7 @@ Differences from the papers
 ---------------------------
 Koren's law is an integral and proportional one on straight lines and circles; here PID on whatever
 the estimator says. Ghaffari and Ulsoy normalise the vector to unit length (a relay with a boundary
-layer); that is not done here.
+layer): that is :class:`NewtonCrossCoupled`.
 """
 
 from __future__ import annotations
@@ -186,28 +186,42 @@ class CrossCoupled(Controller):
         ConfigurationError
             A gain that is neither one number nor one per axis.
         """
+        return BoundCrossCoupled(**self.bound_parts(contour, sample_time))
+
+    def bound_parts(self, contour: Contour, sample_time: Scalar) -> dict[str, Any]:
+        """Return the fields of the bound law, for this law and those that extend it.
+
+        Parameters
+        ----------
+        contour
+            The path that the loop follows.
+        sample_time
+            Time between samples [s].
+
+        Raises
+        ------
+        RefusedError
+            As ``bind``.
+        ConfigurationError
+            As ``bind``.
+        """
         n = self.n_axes
-        if contour.n_axes != n:
-            raise RefusedError(
-                f"CrossCoupled needs one axis for each coordinate of the contour: the axis law has "
-                f"{n} axes, the contour {contour.n_axes} coordinates; how axes would share a "
-                "correction of the tool point is not defined here"
-            )
+        refuse_unlike_axes(type(self).__name__, n, contour)
         if np.shape(self.derivative_cutoff_hz) != ():
             raise ConfigurationError(
                 "derivative_cutoff_hz must be one number, got shape "
                 f"{np.shape(self.derivative_cutoff_hz)}"
             )
-        return BoundCrossCoupled(
-            axis=self.axis.bind(contour, sample_time),
-            estimator=self.estimator.bind(contour, sample_time),
-            kp=per_axis("kp", self.kp, n),
-            ki=per_axis("ki", self.ki, n),
-            kd=per_axis("kd", self.kd, n),
-            sample_time=sample_time,
-            derivative=FilteredDerivative.from_cutoff(self.derivative_cutoff_hz, sample_time),
-            follows_path=self.form == "normal",
-        )
+        return {
+            "axis": self.axis.bind(contour, sample_time),
+            "estimator": self.estimator.bind(contour, sample_time),
+            "kp": per_axis("kp", self.kp, n),
+            "ki": per_axis("ki", self.ki, n),
+            "kd": per_axis("kd", self.kd, n),
+            "sample_time": sample_time,
+            "derivative": FilteredDerivative.from_cutoff(self.derivative_cutoff_hz, sample_time),
+            "follows_path": self.form == "normal",
+        }
 
 
 class BoundCrossCoupled(BoundController):
@@ -306,6 +320,26 @@ class BoundCrossCoupled(BoundController):
     def _controlled(self, estimate: AxisVector, tangent: AxisVector) -> AxisVector:
         """Return the part of the estimate that the PID acts on."""
         return estimate - tangent * (tangent @ estimate) if self.follows_path else estimate
+
+
+def refuse_unlike_axes(law: str, n_axes: int, contour: Contour) -> None:
+    """Raise RefusedError unless a contour has one coordinate for each axis.
+
+    Parameters
+    ----------
+    law
+        Name of the law, for the message.
+    n_axes
+        Axes of the law.
+    contour
+        What it is to follow.
+    """
+    if contour.n_axes != n_axes:
+        raise RefusedError(
+            f"{law} needs one axis for each coordinate of the contour: the axis law has "
+            f"{n_axes} axes, the contour {contour.n_axes} coordinates; how axes would share a "
+            "correction of the tool point is not defined here"
+        )
 
 
 def transport(vector: AxisVector, start: AxisVector, end: AxisVector) -> AxisVector:

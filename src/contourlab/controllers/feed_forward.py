@@ -86,11 +86,20 @@ class ModelFeedForward(Configuration):
         reference
             The reference now.
         """
-        sign = jnp.tanh(reference.velocity / self.friction_velocity)
         held = 0.0 if self.position is None else self.position * reference.position
         return (
             held
             + self.acceleration * reference.acceleration
             + self.velocity * reference.velocity
-            + self.friction * sign
+            + self.friction_command(reference)
         )
+
+    def friction_command(self, reference: ReferencePoint) -> AxisVector:
+        """Return the part of the command that is for Coulomb friction, shape (n_axes,).
+
+        Parameters
+        ----------
+        reference
+            The reference now.
+        """
+        return self.friction * jnp.tanh(reference.velocity / self.friction_velocity)

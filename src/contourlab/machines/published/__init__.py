@@ -1,9 +1,16 @@
 """Machines of published papers, one file each, with what the source leaves open."""
 
+from contourlab.machines.published.ghaffari import ghaffari_three_axes, ghaffari_two_axes
 from contourlab.machines.published.meng import (
     meng_emulated_stage,
     meng_simulated_axes,
     meng_xy_stage,
 )
 
-__all__ = ["meng_emulated_stage", "meng_simulated_axes", "meng_xy_stage"]
+__all__ = [
+    "ghaffari_three_axes",
+    "ghaffari_two_axes",
+    "meng_emulated_stage",
+    "meng_simulated_axes",
+    "meng_xy_stage",
+]
