@@ -113,9 +113,7 @@ class NewtonCrossCoupled(CrossCoupled):
         ConfigurationError
             A gain that is neither one number nor one per axis.
         """
-        return BoundNewtonCrossCoupled(
-            guard=self.guard, **self.bound_parts(contour, sample_time)
-        )
+        return BoundNewtonCrossCoupled(guard=self.guard, **self.bound_parts(contour, sample_time))
 
 
 class BoundNewtonCrossCoupled(BoundCrossCoupled):

@@ -80,9 +80,7 @@ def sampled_map(
     return step
 
 
-def refuse_unstable(
-    law: BoundIntegralSlidingMode, model: NominalModel, sample_time: float
-) -> None:
+def refuse_unstable(law: BoundIntegralSlidingMode, model: NominalModel, sample_time: float) -> None:
     """Raise RefusedError if the sampled loop is not stable inside the boundary layer.
 
     Parameters

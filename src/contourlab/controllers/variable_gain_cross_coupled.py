@@ -62,7 +62,7 @@ class VariableGainCrossCoupledState(NamedTuple):
     integral: Scalar
     """Integral of ε [m s]."""
     derivative: DerivativeState
-    """Of ε [m], [m/s]."""
+    """Of ε, each of shape (1,) [m], [m/s]."""
     saturated: Count
     """1 if the last command was beyond a limit, int32."""
 
@@ -93,9 +93,7 @@ class VariableGainCrossCoupled(Controller):
     kp: Scalar = real(unit="command unit per m", minimum=0.0, ndim=0)
     ki: Scalar = real(unit="command unit per m s", minimum=0.0, ndim=0, default=0.0)
     kd: Scalar = real(unit="command unit per m/s", minimum=0.0, ndim=0, default=0.0)
-    derivative_cutoff_hz: Scalar = real(
-        unit="Hz", above=0.0, finite=False, ndim=0, default=np.inf
-    )
+    derivative_cutoff_hz: Scalar = real(unit="Hz", above=0.0, finite=False, ndim=0, default=np.inf)
 
     def __check_init__(self) -> None:
         if not isinstance(self.axis, AxisController):
@@ -149,7 +147,9 @@ class VariableGainCrossCoupled(Controller):
             ki=self.ki,
             kd=self.kd,
             sample_time=sample_time,
-            derivative=FilteredDerivative.from_cutoff(self.derivative_cutoff_hz, sample_time),
+            derivative=FilteredDerivative.from_cutoff(
+                jnp.asarray(self.derivative_cutoff_hz), sample_time
+            ),
         )
 
 
@@ -175,12 +175,12 @@ class BoundVariableGainCrossCoupled(BoundController):
             The first sample.
         """
         error, gains = self.estimator.gains(sample)
-        zero = jnp.zeros_like(error)
+        signal = jnp.reshape(error, (1,))
         return VariableGainCrossCoupledState(
             axis=self.axis.init(sample),
             estimate=error * unit(gains),
-            integral=zero,
-            derivative=self.derivative.init(error, zero),
+            integral=jnp.zeros(()),
+            derivative=self.derivative.init(signal, jnp.zeros_like(signal)),
             saturated=jnp.zeros((), jnp.int32),
         )
 
@@ -197,8 +197,8 @@ class BoundVariableGainCrossCoupled(BoundController):
             This instant.
         """
         error, gains = self.estimator.gains(sample)  # (1)
-        derivative = self.derivative.step(state.derivative, error)
-        push = self.kp * error + self.ki * state.integral + self.kd * derivative.value  # (2)
+        derivative = self.derivative.step(state.derivative, jnp.reshape(error, (1,)))
+        push = self.kp * error + self.ki * state.integral + self.kd * derivative.value[0]  # (2)
         by_axes, proposal = self.axis.propose(state.axis, sample)
         wanted = by_axes + gains * push  # (3)
         command = clip(wanted, self.axis.command_limit)
