@@ -160,8 +160,8 @@ def test_messages():
         coupled(pid(3)).bind(Circle(radius=0.1), T)
     with pytest.raises(ConfigurationError, match=r"Allowed: normal, vector"):
         coupled(pid(), form="scalar")
+    rough = coupled(pid(), estimator=NewtonEstimator(form="filtered"))
     with pytest.raises(RefusedError, match=r"is not stable at a sample time of 0.01 s"):
-        rough = NewtonEstimator(form="filtered")
-        coupled(pid(), estimator=rough).bind(Line(start=(0.0, 0.0), end=(1.0, 0.0)), 0.01)
+        rough.bind(Line(start=(0.0, 0.0), end=(1.0, 0.0)), 0.01)
     with pytest.raises(ConfigurationError, match=r"kd must be >= 0 command unit s, got -1"):
         replace(coupled(pid()), kd=-1.0)

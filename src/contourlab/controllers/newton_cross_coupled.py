@@ -14,13 +14,13 @@ by zero. Without it the law is a relay, which sampled never comes to rest. What 
 * An error that stays. Under a disturbance that the integral cannot follow the error settles where
   the law has the authority: of the order of δ D / kp while D < kp.
 * Chatter. The loop of kp / δ needs the bandwidth ω = sqrt(K kp / (M δ)) on a mass M. Held commands
-  are late by half a sample, plus the delay of drive and sensors; where ω times that delay comes near
-  1, the loop swings in a limit cycle whose amplitude grows with the sample time and which δ no
-  longer holds down. :func:`contourlab.papers.newton_chattering.chattering` measures it.
+  are late by half a sample, plus the delay of drive and sensors; where that takes what damping
+  the loop has, it swings in a limit cycle. :func:`contourlab.simulation.chattering` measures it.
 * Noise. E is known to the resolution of the sensors: δ below that makes quantisation a relay.
 
-The integral of ε can change by no more than ki volts per second, whatever the error is: that is the
-law's authority against errors that grow. While |E| >> δ it runs on at that rate and has to run back.
+The integral of ε can change by no more than ki volts per second, whatever the error is: that is
+the law's authority against errors that grow. While |E| >> δ it runs on at that rate and has to run
+back.
 
 Where the estimate has a part along the path, which the paper's dynamic estimate has in full while
 it lags behind the foot, ε points along the path and the coupling drives the axes forward. Use an
