@@ -19,7 +19,7 @@ from contourlab.machines.base import NominalModel
 from contourlab.machines.published import ghaffari_two_axes
 from contourlab.testing.controllers import check_controller
 from contourlab.testing.protocol import run
-from contourlab.testing.samples import make_samples, sample_at, standing
+from contourlab.testing.samples import make_samples, rest_to_rest, sample_at, standing
 
 T = 1e-3
 LINE = Line(start=(0.0, 0.0), end=(1.0, 1.0))
@@ -47,9 +47,9 @@ def test_conformance_with_the_least_gain():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("form", ["printed", "none"])
+@pytest.mark.parametrize("form", ["printed", "matched", "none"])
 def test_conformance_with_a_given_gain(form):
-    rates = {} if form == "printed" else {"acceleration_rate": None, "smoothing_rate": None}
+    rates = {} if form != "none" else {"acceleration_rate": None, "smoothing_rate": None}
     law = full(switching_gain=40.0, disturbance_estimate=form, **rates)
     check_controller(law, inert=("disturbance_bound",))
 
@@ -70,7 +70,7 @@ def by_hand(law, samples, form):
         a, b, mu = of(law.error_rate), of(law.integral_rate), of(law.boundary_layer)
         c, d = of(law.acceleration_rate), of(law.smoothing_rate)
         kappa = of(law.disturbance_bound) / mu + b * mass / gain
-        q, delta, omega = 0.0, 0.0, -float(samples.velocity[0, i])
+        q, delta, rest, omega = 0.0, 0.0, 0.0, -float(samples.velocity[0, i])
         for k in range(n):
             p, v = float(samples.position[k, i]), float(samples.velocity[k, i])
             e, ed = float(r.position[k, i]) - p, float(r.velocity[k, i]) - v
@@ -84,10 +84,13 @@ def by_hand(law, samples, form):
             limit = of(m.command_limit)
             out[k, i] = np.clip(u, -limit, limit)
             push = -b * q + s
-            factor = 1.0 if form == "printed" else c
-            xi = (
-                mass * factor * (omega + v) + viscous * v + spring * p
-            ) / gain - (out[k, i] - friction)  # fmt: skip
+            slow = np.exp(-c * T)
+            known = (viscous * v + spring * p) / gain - (out[k, i] - friction)
+            xi = mass / gain * (1.0 if form == "printed" else c) * (omega + v) + known
+            if form == "matched":
+                lever = (mass + 0.5 * T * viscous) / gain * (1.0 - slow) / T
+                xi = lever * (omega + v) + rest
+            rest = slow * rest + (1.0 - slow) * known
             if not (u - out[k, i]) * push > 0.0:
                 q += (1.0 - np.exp(-b * T)) / b * push
             omega += (1.0 - np.exp(-c * T)) * -(omega + v)
@@ -95,8 +98,16 @@ def by_hand(law, samples, form):
     return out
 
 
-@pytest.mark.parametrize("form", ["corrected", "printed"])
-@pytest.mark.parametrize("limit", [1e3, 0.15])
+@pytest.mark.parametrize(
+    ("form", "limit"),
+    [
+        ("corrected", 1e3),
+        ("corrected", 0.15),
+        ("printed", 1e3),
+        ("matched", 1e3),
+        ("matched", 0.15),
+    ],
+)
 def test_against_numpy(form, limit):
     law = full(model=model(command_limit=[limit, limit]), disturbance_estimate=form)
     circle = Circle(radius=0.01)
@@ -163,10 +174,12 @@ def response(law, s, estimate):
     if estimate == "none":
         return -per_mass * s / base
     c = d = 2.0 * a
+    if estimate == "matched":
+        return -per_mass * s**2 * (s + c + d) / (base * (s + c) * (s + d))
     return -per_mass * s**2 * (s + c) / (base * (s + c) * (s + d) - d * s**4)
 
 
-@pytest.mark.parametrize("estimate", ["corrected", "none"])
+@pytest.mark.parametrize("estimate", ["corrected", "matched", "none"])
 @pytest.mark.parametrize("hz", [1.0, 8.0])
 def test_a_sine_leaves_the_stated_residual(estimate, hz):
     law = paper_law(estimate)
@@ -222,7 +235,20 @@ def test_the_printed_estimate_is_off_while_an_axis_accelerates():
         assert_allclose(state.disturbance, wanted, atol=0.015 * np.max(SIZES["mass"]) * 0.02)
 
 
-@pytest.mark.parametrize("estimate", ["corrected", "printed", "none"])
+def test_jerk_is_a_disturbance_to_the_corrected_estimate_and_not_to_the_matched():
+    """Without any disturbance: (M/K) jerk / c, behind the filters, against nothing."""
+    line = Line(start=(0.0, 0.0), end=(0.004, 0.003))
+    reference = rest_to_rest(line, 5001, STEP, share=1.0)
+    seen = {}
+    for form in ("corrected", "matched"):
+        recording = cl.simulate(MACHINE, paper_law(form), reference)
+        seen[form] = np.asarray(recording["disturbance_estimate"])
+    top = np.max(np.abs(reference.jerk), axis=0) * SIZES["mass"] / (2.0 * SIZES["rate"])
+    assert np.all(np.max(np.abs(seen["corrected"]), axis=0) > 0.5 * top)
+    assert np.all(np.max(np.abs(seen["matched"]), axis=0) < 0.005 * top)
+
+
+@pytest.mark.parametrize("estimate", ["corrected", "printed", "matched", "none"])
 def test_the_sampled_map_is_that_of_the_loop(estimate):
     """Against the derivative of one step of law and machine."""
     law = paper_law(estimate).bind(LINE, T)
@@ -231,7 +257,7 @@ def test_the_sampled_map_is_that_of_the_loop(estimate):
     zero = jnp.zeros(2)
 
     def step(x):
-        p, v, q, slow, delta = x
+        p, v, q, slow, delta, rest = x
         sample = dataclasses.replace(
             base, position=p, velocity=v,
             reference=dataclasses.replace(
@@ -239,18 +265,18 @@ def test_the_sampled_map_is_that_of_the_loop(estimate):
             ),
         )  # fmt: skip
         state = law.init(sample)
-        estimate = state.estimate._replace(lagging=slow, disturbance=delta)
+        estimate = state.estimate._replace(lagging=slow, disturbance=delta, rest=rest)
         command, after = law.step(state._replace(integral=q, estimate=estimate), sample)
         motion = machine.init(p, jax.random.key(0))
         axes = dataclasses.replace(motion.axes, position=p, velocity=v)
         axes = machine.dynamics.advance(axes, (command,), zero)
         return (
             axes.position, axes.velocity, after.integral, after.estimate.lagging,
-            after.estimate.disturbance,
+            after.estimate.disturbance, after.estimate.rest,
         )  # fmt: skip
 
-    size = 3 if estimate == "none" else 5
-    blocks = jax.jacobian(step)((zero,) * 5)
+    size = {"none": 3, "matched": 6}.get(estimate, 5)
+    blocks = jax.jacobian(step)((zero,) * 6)
     for axis in (0, 1):
         exact = [[float(blocks[i][j][axis, axis]) for j in range(size)] for i in range(size)]
         assert_allclose(sampled_map(law, MACHINE.nominal, T, axis), exact, atol=1e-12, rtol=1e-12)
@@ -333,7 +359,7 @@ def test_the_estimate_is_told_of_the_coupling_and_of_the_limit():
 def test_messages():
     with pytest.raises(ConfigurationError, match=r"smoothing_rate has no effect with .* 'none'"):
         paper_law("none", smoothing_rate=3.0)
-    with pytest.raises(ConfigurationError, match=r"Allowed: corrected, none, printed"):
+    with pytest.raises(ConfigurationError, match=r"Allowed: corrected, matched, none, printed"):
         paper_law("exact")
     with pytest.raises(ConfigurationError, match=r"boundary_layer must be > 0 m/s, got 0"):
         paper_law(boundary_layer=0.0)

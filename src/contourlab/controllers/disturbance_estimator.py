@@ -13,7 +13,13 @@ about 1/c, so that
 
     ξ = D - (M/K) s² / (s + c) V                                  (E)
 
-which vanishes for a steady acceleration. Under a constant disturbance Δ goes to D.
+which vanishes for a steady acceleration. Under a constant disturbance Δ goes to D. On a reference
+with jerk r''' there is a bias of (M/K) r'''/c, which does harm where it exceeds what the law has in
+hand: raise c, or take the form ``"matched"``, in which the rest of (25) passes the filter too,
+
+    ξ = (M/K) c (Ω + V) + [(B V + S P) / K - T] behind c / (s + c)   (M)
+
+so that ξ is D behind c / (s + c) whatever the axis does, and Δ is D behind c d / ((s+c) (s+d)).
 
 The paper prints (25) without the factor c. What then stands for V' is too small by c (25 with the
 paper's numbers, and of another dimension), so that Δ is off by (1 - 1/c) (M/K) V' while an axis
@@ -29,8 +35,9 @@ References
 
 Differences from the paper
 --------------------------
-The factor c in (25). Sampled: both filters are discretised exactly for inputs that are held between
-samples. Stiffness. Ω starts at -V, which is 0 for an axis that starts at rest as in the paper.
+The factor c in (25), and (M). Sampled: both filters are discretised exactly for inputs that are
+held between samples; in (M) acceleration and velocity are means over a sample. Stiffness. Ω starts
+at -V, which is 0 for an axis that starts at rest as in the paper.
 """
 
 from __future__ import annotations
@@ -40,14 +47,14 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Float
 
-from contourlab.configuration import Configuration, real
+from contourlab.configuration import Configuration, real, static
 from contourlab.machines.base import NominalModel
 from contourlab.typing import Array, AxisVector, Scalar
 
 __all__ = ["FORMS", "DisturbanceEstimator", "DisturbanceState"]
 
-FORMS = ("corrected", "printed")
-"""With and without the factor c in (25)."""
+FORMS = ("corrected", "matched", "printed")
+"""(25) with its factor c; (M); (25) as it stands in the paper."""
 
 
 class DisturbanceState(NamedTuple):
@@ -57,6 +64,8 @@ class DisturbanceState(NamedTuple):
     """Ω: minus the velocity, behind a low-pass [m/s]."""
     disturbance: AxisVector
     """Δ, in units of the command."""
+    rest: AxisVector
+    """Of (M): what the motion takes, less the command, behind the low-pass; else 0."""
 
 
 class DisturbanceEstimator(Configuration):
@@ -74,6 +83,8 @@ class DisturbanceEstimator(Configuration):
         What Ω + V is multiplied by to be an acceleration [1/s]: c, or 1 in the printed form.
     velocity_decay, smoothing_decay
         exp(-c T) and exp(-d T).
+    matched
+        Whether the rest of (25) passes the filter too.
     """
 
     inertia: Float[Array, " ..."] = real(ndim=1)
@@ -82,6 +93,7 @@ class DisturbanceEstimator(Configuration):
     acceleration_scale: Float[Array, " ..."] = real(unit="1/s", ndim=1)
     velocity_decay: Float[Array, " ..."] = real(ndim=1, minimum=0.0, maximum=1.0)
     smoothing_decay: Float[Array, " ..."] = real(ndim=1, minimum=0.0, maximum=1.0)
+    matched: bool = static(flag=True, default=False)
 
     @staticmethod
     def of_model(
@@ -102,18 +114,26 @@ class DisturbanceEstimator(Configuration):
         sample_time
             Time between samples [s].
         form
-            ``"corrected"``, or ``"printed"``: (25) as it stands in the paper.
+            One of :data:`FORMS`.
         """
         gain = model.gain
         held = jnp.zeros_like(gain) if model.stiffness is None else model.stiffness / gain
-        printed = form == "printed"
+        inertia, viscous = model.mass / gain, model.viscous / gain
+        decay, scale = jnp.exp(-velocity_rate * sample_time), velocity_rate
+        if form == "printed":
+            scale = jnp.ones_like(velocity_rate)
+        if form == "matched":
+            # of means over a sample: the low-pass of (V+ - V) / T, and V + (V+ - V) / 2
+            scale = (1.0 - decay) / sample_time
+            inertia = inertia + 0.5 * sample_time * viscous
         return DisturbanceEstimator(
-            inertia=model.mass / gain,
-            viscous=model.viscous / gain,
+            inertia=inertia,
+            viscous=viscous,
             stiffness=held,
-            acceleration_scale=jnp.ones_like(velocity_rate) if printed else velocity_rate,
-            velocity_decay=jnp.exp(-velocity_rate * sample_time),
+            acceleration_scale=scale,
+            velocity_decay=decay,
             smoothing_decay=jnp.exp(-smoothing_rate * sample_time),
+            matched=form == "matched",
         )
 
     def init(self, velocity: AxisVector) -> DisturbanceState:
@@ -124,7 +144,8 @@ class DisturbanceEstimator(Configuration):
         velocity
             Measured, shape (n_axes,) [m/s].
         """
-        return DisturbanceState(-velocity, jnp.zeros_like(velocity))
+        zero = jnp.zeros_like(velocity)
+        return DisturbanceState(-velocity, zero, zero)
 
     def step(
         self,
@@ -146,10 +167,13 @@ class DisturbanceEstimator(Configuration):
             something that the model does not hold, such as friction that is fed forward.
         """
         acceleration = self.acceleration_scale * (state.lagging + velocity)
-        known = self.viscous * velocity + self.stiffness * position
-        first = self.inertia * acceleration + known - applied  # (25)
+        known = self.viscous * velocity + self.stiffness * position - applied
         slow, smooth = self.velocity_decay, self.smoothing_decay
+        rest = slow * state.rest + (1.0 - slow) * known if self.matched else state.rest
+        # (25), or (M) with what is known until now
+        first = self.inertia * acceleration + (state.rest if self.matched else known)
         return DisturbanceState(
             slow * state.lagging - (1.0 - slow) * velocity,  # (24)
             smooth * state.disturbance + (1.0 - smooth) * first,  # (26)
+            rest,
         )

@@ -30,8 +30,13 @@ shows. With the estimate, on a reference without jerk,
 
     e / D = -(K/M) s² (s + c) / ((s+a) (s+b) (s + κ K/M) (s+c) (s+d) - d s⁴)    (R)
 
-so that even a ramp leaves none, and a slow sine c s² / (a b κ c d) of it. Beyond |D| = κ μ the
-layer is left for good and an error of (K/M) (|D| - κ μ) / (a b) stays.
+and with its ``"matched"`` form, on any reference,
+
+    e / D = -(K/M) s² (s + c + d) / ((s+a) (s+b) (s + κ K/M) (s+c) (s+d))       (R')
+
+so that even a ramp leaves none. Beyond |D| = κ μ the layer is left for good and an error of
+(K/M) (|D| - κ μ) / (a b) stays. D counts with whatever the estimate adds to it: on a reference
+with jerk the corrected form is off by (M/K) jerk / c, the matched one by nothing.
 
 The boundary layer takes the place of a relay: its slope κ is the gain at which the axis would
 chatter when sampled too slowly. ``bind`` computes the poles of the sampled loop on the nominal
@@ -43,15 +48,15 @@ further beyond the limit.
 
 References
 ----------
-.. [GhaffariUlsoy] section III; equation numbers are the paper's, but (S), (T) and (R), which are
-   derived here.
+.. [GhaffariUlsoy] section III; equation numbers are the paper's, but (S), (T), (R) and (R'),
+   which are derived here.
 
 Differences from the paper
 --------------------------
-(25) is corrected. Any model with mass, damping and stiffness: S P / K is added to (22) with the
-measured position, so that (S) holds. Coulomb friction may be fed forward; the estimate is told.
-Sampled: q is discretised exactly for a saturation that is held between samples. κ may be left out
-and is then the least that (23) allows.
+(25) is corrected, and the matched form added. Any model with mass, damping and stiffness: S P / K
+is added to (22) with the measured position, so that (S) holds. Coulomb friction may be fed forward;
+the estimate is told. Sampled: q is discretised exactly for a saturation that is held between
+samples. κ may be left out and is then the least that (23) allows.
 """
 
 from __future__ import annotations
@@ -123,7 +128,8 @@ class IntegralSlidingMode(AxisController):
     switching_gain
         κ [command unit per m/s]; the least that (23) allows when None.
     disturbance_estimate
-        ``"corrected"``; ``"printed"``: with (25) as in the paper; ``"none"``.
+        ``"corrected"``; ``"matched"``, for references with jerk; ``"printed"``: with (25) as in
+        the paper; ``"none"``.
     acceleration_rate
         c, > 0 [1/s], of the derivative in the estimate; 2 a, the paper's choice, when None.
     smoothing_rate

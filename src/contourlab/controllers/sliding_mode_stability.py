@@ -1,7 +1,7 @@
 """Whether sliding mode control, sampled, is stable inside its boundary layer.
 
 Inside the layer the law is linear. On the nominal model, whose motion under a held command is known
-exactly, one sample maps position, velocity, integral and the two states of the disturbance estimate
+exactly, one sample maps position, velocity, integral and the states of the disturbance estimate
 linearly onto themselves; the loop is stable if every eigenvalue of that map is within the unit
 circle. Runs once when a law is bound, on the host.
 """
@@ -26,7 +26,7 @@ __all__ = ["refuse_unstable", "sampled_map"]
 def sampled_map(
     law: BoundIntegralSlidingMode, model: NominalModel, sample_time: float, axis: int
 ) -> NDArray[Any]:
-    """Return what one sample does to P, V, q, Ω and Δ of one axis at rest inside the layer.
+    """Return what one sample does to P, V, q, Ω, Δ and the rest of (M), inside the layer.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def sampled_map(
     Returns
     -------
     numpy.ndarray
-        Shape (5, 5); without an estimate (3, 3), of P, V and q.
+        Shape (6, 6); (5, 5) where the estimate is not matched, (3, 3) without one.
     """
 
     def of(value: Any) -> float:
@@ -51,9 +51,9 @@ def sampled_map(
     mass, gain = of(model.mass), of(model.gain)
     stiffness = 0.0 if model.stiffness is None else of(model.stiffness)
     a, b, kappa = of(law.error_rate), of(law.integral_rate), of(law.switching_gain)
-    surface = np.array([-a, -1.0, b, 0.0, 0.0])
-    error = np.array([-1.0, 0.0, 0.0, 0.0, 0.0])
-    rate = np.array([0.0, -1.0, 0.0, 0.0, 0.0])
+    surface = np.array([-a, -1.0, b, 0.0, 0.0, 0.0])
+    error = np.array([-1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    rate = np.array([0.0, -1.0, 0.0, 0.0, 0.0, 0.0])
     command = of(law.velocity_gain) * rate + of(law.position_gain) * error + kappa * surface
     command[0] += stiffness / gain
     command[4] -= law.estimated
@@ -61,7 +61,7 @@ def sampled_map(
     system[0, 1] = 1.0
     system[1] = np.array([-stiffness, -of(model.viscous), gain]) / mass
     held = expm(system * sample_time)
-    step = np.zeros((5, 5))
+    step = np.zeros((6, 6))
     step[:2, :2] = held[:2, :2]
     step[:2] += np.outer(held[:2, 2], command)
     decay = of(law.decay)
@@ -72,12 +72,18 @@ def sampled_map(
     estimator = law.estimator
     slow, smooth = of(estimator.velocity_decay), of(estimator.smoothing_decay)
     step[3, 1], step[3, 3] = slow - 1.0, slow
-    acceleration = of(estimator.inertia) * of(estimator.acceleration_scale)
-    first = np.array([of(estimator.stiffness), of(estimator.viscous), 0.0, 0.0, 0.0]) - command
-    first[[1, 3]] += acceleration
+    known = -command
+    known[:2] += of(estimator.stiffness), of(estimator.viscous)
+    first = known
+    if estimator.matched:
+        step[5] = (1.0 - slow) * known
+        step[5, 5] += slow
+        first = np.zeros(6)
+        first[5] = 1.0
+    first[[1, 3]] += of(estimator.inertia) * of(estimator.acceleration_scale)
     step[4] = (1.0 - smooth) * first
     step[4, 4] += smooth
-    return step
+    return step if estimator.matched else step[:5, :5]
 
 
 def refuse_unstable(law: BoundIntegralSlidingMode, model: NominalModel, sample_time: float) -> None:

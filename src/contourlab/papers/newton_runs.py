@@ -119,7 +119,7 @@ def parabola_reference(curvature: float, duration: float, sample_time: float) ->
     sample_time
         [s].
     """
-    contour = Parabola(coefficient=curvature, half_width=0.025)
+    contour = Parabola(coefficient=np.asarray(curvature), half_width=np.asarray(0.025))
     return constant_rate(
         contour, rate=0.04 / duration, start=-0.02, duration=duration, sample_time=sample_time
     )
@@ -150,16 +150,16 @@ def sliding_mode(model: NominalModel, estimate: str = "printed") -> IntegralSlid
     model
         Of the axes.
     estimate
-        Of the disturbance: ``"printed"``, which gives the published figures, ``"corrected"`` or
-        ``"none"``.
+        Of the disturbance: ``"printed"``, which gives the published figures, ``"corrected"``,
+        ``"matched"`` or ``"none"``.
     """
     tau = np.array(TIME_CONSTANT[: model.n_axes])
     rates: dict[str, Any] = {"acceleration_rate": 1.0 / tau, "smoothing_rate": 1.0 / tau}
     if estimate == "none":
         rates = {}
     return IntegralSlidingMode(
-        model=model, error_rate=0.5 / tau, integral_rate=0.5 / tau, boundary_layer=1e-3,
-        disturbance_bound=0.25, disturbance_estimate=estimate, **rates,
+        model=model, error_rate=0.5 / tau, integral_rate=0.5 / tau, boundary_layer=np.asarray(1e-3),
+        disturbance_bound=np.asarray(0.25), disturbance_estimate=estimate, **rates,
     )  # fmt: skip
 
 
