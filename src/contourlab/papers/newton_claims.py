@@ -326,7 +326,8 @@ def space_rows() -> Iterable[PaperRow]:
         )
         ratio = alone / coupled
         note = (
-            f"{alone:.3g} um and {coupled:.3g} um; exact estimate, disturbance estimate {estimate}; "
+            f"{alone:.3g} um and {coupled:.3g} um; exact estimate, disturbance estimate "
+            f"{estimate}; "
             "a third axis of 9.7 mm/s per volt and 50 ms, the curve and -0.15 V are assumed. The "
             "text claims any number of axes without modification; relation: 10 or more"
         )

@@ -11,6 +11,7 @@ from contourlab.reports.accuracy_table import (
     accuracy_tables,
     write_accuracy,
 )
+from contourlab.reports.chattering_figure import chattering_table, write_chattering_figure
 from contourlab.reports.figures import write_figures
 from contourlab.reports.page import write_report
 from contourlab.reports.reproduction import (
@@ -32,6 +33,7 @@ __all__ = [
     "accuracy_json",
     "accuracy_notes",
     "accuracy_tables",
+    "chattering_table",
     "comparison_json",
     "comparison_table",
     "reproduction_json",
@@ -40,6 +42,7 @@ __all__ = [
     "run_json",
     "spread_table",
     "write_accuracy",
+    "write_chattering_figure",
     "write_figures",
     "write_paper_figures",
     "write_report",
