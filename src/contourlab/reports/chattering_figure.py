@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 __all__ = ["chattering_table", "write_chattering_figure"]
 
+TICKS = 8
+"""So many values on the horizontal axis are all written."""
 _MICRO = {"guard": "guard [µm]"}
 """Names of lengths that are shown in µm."""
 
@@ -62,10 +64,11 @@ def _figure(study: Chattering) -> Figure:
         ("largest contour error, start included [µm]", 1e6 * study.contour_error_max),
     )
     for axes, (title, table) in zip(panels, shown, strict=True):
+        frequency = table is study.frequency_hz
         bare(axes)
         axes.grid(which="major", color="#e8ebef", lw=0.8)
         axes.set_xscale("log")
-        axes.set_yscale("log")
+        axes.set_yscale("linear" if frequency else "log")
         for k, row in enumerate(table):
             style = look(k)
             label = f"{1e3 * study.sample_times[k]:g} ms"
@@ -74,9 +77,14 @@ def _figure(study: Chattering) -> Figure:
         axes.set_title(literal(title, 60), loc="left", fontsize=10, color=INK)
         axes.set_xlabel(literal(name), color=MUTED)
         axes.set_xlim(0.9 * values[0], 1.1 * values[-1])
+        if frequency:
+            axes.set_ylim(bottom=0.0)
         for axis in (axes.xaxis, axes.yaxis):
             axis.set_major_formatter(lambda x, _: f"{x:g}")
             axis.set_minor_formatter(lambda _x, _: "")
+        if len(values) <= TICKS:
+            axes.set_xticks(values)
+            axes.set_xticks([], minor=True)
     figure.legend(*panels[2].get_legend_handles_labels(), loc="outside lower left", frameon=False,
                   ncols=6, fontsize=9.5, labelcolor=INK)  # fmt: skip
     figure.suptitle(
