@@ -96,8 +96,8 @@ print(study.amplitude, study.frequency_hz, study.least_quiet)
 ```
 
 `cl.reports.chattering_table` and `write_chattering_figure` show the study. `field` names another
-number, such as `"axis.boundary_layer"`. On machines with friction and encoders take `quiet_below` at
-a few encoder counts; `examples/04_newton.py` does that.
+number, such as `"axis.boundary_layer"`. On machines with friction and encoders take `quiet_below`
+at a few encoder counts; `examples/04_newton.py` does that.
 
 ## The two axes of the paper
 
@@ -109,15 +109,15 @@ frequency of the limit cycle of the contour error, over the guard:
 ![amplitude, frequency and largest contour error over the guard](images/chattering.png)
 
 The right panel is why a guard is chosen just above the limit. At the longest sample time the
-largest contour error, start included, is {best} µm with a guard of {guard} µm. More guard gives away
-stiffness ({wide} µm at {largest} µm), less swings ({narrow} µm at {least} µm).
+largest contour error, start included, is {best} µm with a guard of {guard} µm. More guard gives
+away stiffness ({wide} µm at {largest} µm), less swings ({narrow} µm at {least} µm).
 
 ## Where the limit comes from
 
-Above its filter the coupling is a gain kp + N kd (N = 2π times the cut-off), divided by the guard δ.
+Above its filter the coupling is a gain kp + N kd (N = 2π times the cut-off) over the guard δ.
 With the mass it crosses at ω² = K (kp + N kd) / (M δ). What phase there is comes from the velocity
-feedback of the axis law and from the filtered derivative, each a rate over ω; what is lost is half a
-sample, ω T / 2, and the delay of drive and sensors in full. The loop is quiet for
+feedback of the axis law and from the filtered derivative, each a rate over ω; what is lost is half
+a sample, ω T / 2, and the delay of drive and sensors in full. The loop is quiet for
 
     δ > T K (kp + N kd) / (2 M R),    R = a + b + κ K/M + (N² kd - ki) / (kp + N kd)
 
