@@ -125,6 +125,15 @@ def test_the_order_of_magnitude_is_judged():
     assert_allclose([rows[0].published, rows[2].published], [39.5 / 7.0, 1.6 / 0.11])
 
 
+def test_the_order_of_magnitude_is_that_of_the_gain():
+    """With the gain of the proposed scheme near the path, the variable gain is as good in B."""
+    stiff, new = (
+        found(B50, law, sample_time=5e-5)[1] for law in ("stiff variable gain", "converged")
+    )
+    printed = paper.PUBLISHED[B50, paper.VARIABLE][1]
+    assert stiff < 1.5 * new < 0.1 * printed
+
+
 def test_theorem_1_is_answered():
     """No error for a constant disturbance; for a sine the residual that the law states."""
     rows = list(claims.theorem_rows())

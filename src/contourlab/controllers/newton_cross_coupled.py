@@ -6,7 +6,8 @@
 with E the estimated contour error vector, from the actual point to the contour. ε says in which
 direction the contour lies, and beyond a few δ no longer how far: each axis gets at most about kp
 volts whatever the error, so that the same gains go with every contour, and a large error makes no
-large command. Near the contour the law is linear, with the gain kp / δ.
+large command. Near the contour the law is linear, with the gain kp / δ: as accurate as a plain coupling of that gain, no more; what it
+has besides is that the push is bounded.
 
 The guard δ is a *design parameter*; the paper prints (15) without one, and at E = 0 it divides zero
 by zero. Without it the law is a relay, which sampled never comes to rest. What δ trades:

@@ -28,6 +28,7 @@ from contourlab.papers.newton_runs import (
     READINGS,
     Outcome,
     conventional,
+    outcome,
     parabola_reference,
     proposed,
     run_case,
@@ -62,7 +63,8 @@ def claim_rows(
     """
     rows: list[PaperRow] = []
     groups = (
-        lambda: estimate_rows(outcomes), lambda: peak_rows(outcomes), disturbance_rows,
+        lambda: gain_rows(outcomes), lambda: estimate_rows(outcomes),
+        lambda: peak_rows(outcomes), disturbance_rows,
         robustness_rows, theorem_rows, space_rows,
     )  # fmt: skip
     for number, group in enumerate(groups):
@@ -77,6 +79,29 @@ def _row(case: str, quantity: str, unit: str, value: float, holds: bool, note: s
         experiment=_EXPERIMENT, case=case, controller=controller, quantity=quantity, unit=unit,
         published=None, reproduced=value, verdict="relation" if holds else "differs", note=note,
     )  # fmt: skip
+
+
+def gain_rows(outcomes: Mapping[tuple[str, str], Outcome]) -> Iterable[PaperRow]:
+    """Return the order of magnitude again, with the same gain near the path on both sides.
+
+    Parameters
+    ----------
+    outcomes
+        By case and law.
+    """
+    for case, setting in CASES.items():
+        stiff = outcome(run_case(setting, "stiff variable gain"), setting)
+        new = outcomes[case, "converged"]
+        ratio = stiff.mean / new.mean
+        yield _row(
+            f"{case}; variable gain as stiff near the path", "TACE of variable gain over proposed",
+            "", ratio, ratio >= 10.0,
+            f"the variable-gain scheme with Gc over the guard, 1000 + 10000/s + 100 s per mm in "
+            f"place of 8 + 80/s + 0.6 s: MCE {stiff.largest:.3g} um, TACE {stiff.mean:.3g} um; the "
+            f"proposed, exact estimate: {new.largest:.3g} and {new.mean:.3g} um. Relation: 10 or "
+            "more. It is less: the order of magnitude is that of the gain near the path, not of "
+            "the estimate or of the unit vector", "",
+        )  # fmt: skip
 
 
 def estimate_rows(outcomes: Mapping[tuple[str, str], Outcome]) -> Iterable[PaperRow]:

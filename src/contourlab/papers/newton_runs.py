@@ -163,16 +163,20 @@ def sliding_mode(model: NominalModel, estimate: str = "printed") -> IntegralSlid
     )  # fmt: skip
 
 
-def conventional(axis: AxisController) -> VariableGainCrossCoupled:
+def conventional(axis: AxisController, *, stiff: bool = False) -> VariableGainCrossCoupled:
     """Return the variable-gain scheme, Gc = 8 + 80/s + 0.6 s per mm.
 
     Parameters
     ----------
     axis
         The position loop.
+    stiff
+        Whether it is given the gain that the proposed scheme has near the path, its Gc over the
+        guard: 1000 + 10000/s + 100 s per mm.
     """
+    kp, ki, kd = (1.0 / GUARD, 10.0 / GUARD, 0.1 / GUARD) if stiff else (8e3, 80e3, 600.0)
     return VariableGainCrossCoupled(
-        axis=axis, kp=8e3, ki=80e3, kd=600.0, derivative_cutoff_hz=DERIVATIVE_HZ
+        axis=axis, kp=kp, ki=ki, kd=kd, derivative_cutoff_hz=DERIVATIVE_HZ
     )
 
 
@@ -215,8 +219,9 @@ def run_case(
     case
         Of :data:`CASES`, or another.
     law
-        ``"variable gain"``, one of :data:`READINGS` for the proposed scheme, or ``"none"`` for the
-        position loop alone.
+        ``"variable gain"``, ``"stiff variable gain"`` with the gain of the proposed scheme near
+        the path, one of :data:`READINGS` for the proposed scheme, or ``"none"`` for the position
+        loop alone.
     estimate
         Of the disturbance, in the sliding mode.
     disturbances
@@ -230,8 +235,8 @@ def run_case(
     model = machine.nominal
     axis = pid_loops(model) if case.loop == PID else sliding_mode(model, estimate)
     controller: Controller = axis
-    if law == "variable gain":
-        controller = conventional(axis)
+    if law in ("variable gain", "stiff variable gain"):
+        controller = conventional(axis, stiff=law != "variable gain")
     elif law != "none":
         controller = proposed(axis, law)
     if sample_time is None:
