@@ -77,7 +77,7 @@ for part, (contour, feed) in parts.items():
             f"{1e6 * recording.metrics['contour_error_max']:9.1f} {'':4} "
             f"{recording.metrics['command_max'][0]:14.1f}"
         )
-        if part.startswith("ellipse"):
+        if part.startswith("ellipse") and name not in ("axes alone", "variable gain"):
             values = 1e6 * np.abs(np.asarray(recording["contour_error"]))
             curves.append((name, values[reference.time > 0.5]))
             time = reference.time[reference.time > 0.5]

@@ -4,10 +4,11 @@
     u = axis law + kp ε + ki ∫ε dt + kd dε/dt,    one PID per axis
 
 with E the estimated contour error vector, from the actual point to the contour. ε says in which
-direction the contour lies, and beyond a few δ no longer how far: each axis gets at most about kp
-volts whatever the error, so that the same gains go with every contour, and a large error makes no
-large command. Near the contour the law is linear, with the gain kp / δ: as accurate as a plain coupling of that gain, no more; what it
-has besides is that the push is bounded.
+direction the contour lies, and beyond a few δ no longer how far: besides its integral an axis gets
+at most kp + 2 N kd (N = 2π times the cut-off) whatever the error, so that the same gains go with
+every contour and a large error makes no large command. Near the contour the law is linear, with the
+gain kp / δ: as accurate as a plain coupling of that gain and no more. What it has besides is that
+the push is bounded.
 
 The guard δ is a *design parameter*; the paper prints (15) without one, and at E = 0 it divides zero
 by zero. Without it the law is a relay, which sampled never comes to rest. What δ trades:
