@@ -51,7 +51,10 @@ LAWS = {
     ),
     # the layer is never left: saturation of each axis by itself prefers directions
     "IntegralSlidingMode": lambda model: IntegralSlidingMode(
-        model=model, error_rate=60.0, integral_rate=60.0, boundary_layer=1.0,
+        model=model,
+        error_rate=60.0,
+        integral_rate=60.0,
+        boundary_layer=1.0,
         disturbance_bound=200.0,
     ),
     "NaturalLocalTaskFrame": lambda model: NaturalLocalTaskFrame(

@@ -63,6 +63,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -303,19 +304,13 @@ class IntegralSlidingMode(AxisController):
             ),
             estimated=estimated,
         )  # fmt: skip
-        if all(map(is_concrete, (sample_time, model.mass, *_leaves(law)))):
+        if all(map(is_concrete, (sample_time, model.mass, *jax.tree.leaves(law)))):
             refuse_unstable(law, model, float(np.asarray(sample_time)))
         return law
 
     def _rate(self, name: str, error_rate: AxisVector) -> AxisVector:
         given = getattr(self, name)
         return 2.0 * error_rate if given is None else per_axis(name, given, self.n_axes)
-
-
-def _leaves(law: Any) -> list[Any]:
-    import jax
-
-    return jax.tree.leaves(law)
 
 
 class BoundIntegralSlidingMode(BoundAxisController):
