@@ -360,6 +360,23 @@ def test_the_estimate_is_told_of_the_coupling_and_of_the_limit():
     assert_allclose(state.axis.estimate.disturbance, wanted, rtol=1e-12)
 
 
+def test_the_integral_is_held_at_the_limit_and_only_outwards():
+    """Standing still, 0.1 mm behind on X; ahead on Y, which has room."""
+    for limit, held in ((0.01, True), (10.0, False)):
+        law = paper_law("none", model=replace(MACHINE.nominal, command_limit=[limit, 10.0]))
+        bound, still = law.bind(LINE, T), standing(LINE, 3, T)
+        samples = make_samples(LINE, 3, T, law.needs, error=(1e-4, -1e-4), reference=still)
+        sample = sample_at(samples, 0)
+        start = bound.init(sample)
+        _, state = bound.step(start, sample)
+        assert (float(state.integral[0]) == 0.0) == held
+        assert float(state.integral[1]) < 0.0
+        assert int(bound.status(state)) == held
+        # an integral that leads back is not held: q = 1 mm forgets, whatever the limit
+        _, state = bound.step(start._replace(integral=jnp.array([1e-3, 0.0])), sample)
+        assert float(state.integral[0]) < 1e-3
+
+
 def test_messages():
     with pytest.raises(ConfigurationError, match=r"smoothing_rate has no effect with .* 'none'"):
         paper_law("none", smoothing_rate=3.0)
