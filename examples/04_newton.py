@@ -35,7 +35,7 @@ def newton(guard):
 
 
 study = cl.simulation.chattering(
-    machine, newton(GUARDS[0]), values=GUARDS, sample_times=(2.5e-4, SAMPLE_TIME, 1e-3),
+    machine, newton(GUARDS[0]), values=GUARDS, sample_times=(SAMPLE_TIME, 1e-3),
     feed="3000 mm/min", duration=1.5, quiet_below=0.5e-6,
 )  # fmt: skip
 print("limit cycle [um] over sample time and guard; . is quiet (below 0.5 um)")
