@@ -49,7 +49,7 @@ import jax.numpy as jnp
 from contourlab.configuration import static
 from contourlab.contours.base import Contour
 from contourlab.controllers.frames import FrameMotion
-from contourlab.controllers.frames.local_task_frame import FLAT
+from contourlab.controllers.frames.reference_frame import FLAT
 from contourlab.controllers.task_frame import BoundTaskFrameController, TaskFrameController
 from contourlab.typing import Array, AxisVector, Scalar, Vector
 

@@ -1,7 +1,7 @@
 """What laws in the local task frame have in common: PD on errors along and across the path.
 
 The measured position is written in the frame R = [T N B] at the reference point
-(:mod:`~contourlab.controllers.frames.local_task_frame`),
+(:mod:`~contourlab.controllers.frames.reference_frame`),
 
     f = Rᵀ (w - w_d) = (t, n, b),     f' = Rᵀ (w' - w_d') - W f                         (1)
 
@@ -53,7 +53,7 @@ from contourlab.controllers.axis_controller import (
     refuse_position_command,
 )
 from contourlab.controllers.base import BoundController, Controller, Needs
-from contourlab.controllers.frames import FrameMotion, LocalTaskFrame
+from contourlab.controllers.frames import FrameMotion, ReferenceFrame
 from contourlab.controllers.smooth_path import refuse_corners
 from contourlab.errors import ConfigurationError, RefusedError
 from contourlab.machines.base import NominalModel
@@ -181,7 +181,7 @@ class TaskFrameController(Controller):
             "friction": coulomb / model.gain,
             "friction_velocity": per_axis("friction_velocity", self.friction_velocity, n),
             "lead": 0.5 * sample_time if self.hold_compensation else 0.0,
-            "frame": LocalTaskFrame(
+            "frame": ReferenceFrame(
                 n_axes=n,
                 sample_time=sample_time,
                 twist_limit=slowest,
@@ -210,7 +210,7 @@ class BoundTaskFrameController(BoundController):
     friction_velocity: Float[Array, " ..."] = real(unit="m/s", ndim=1)
     lead: Scalar = real(unit="s")
     """By which feed-forward is ahead."""
-    frame: LocalTaskFrame = part()
+    frame: ReferenceFrame = part()
     friction_from: str = static()
 
     statuses = ("normal", "saturated", "frame carried on, the normal turns too fast")

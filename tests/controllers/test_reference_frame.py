@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 import contourlab as cl
 from contourlab.contours import Ellipse, Path
-from contourlab.controllers import FirstOrderTaskFrame, LocalTaskFrame, NaturalLocalTaskFrame
+from contourlab.controllers import FirstOrderTaskFrame, NaturalLocalTaskFrame, ReferenceFrame
 from contourlab.machines import Drive, Encoder, Machine, RigidAxes
 from contourlab.recordings import Reference
 from contourlab.testing.samples import make_samples
@@ -20,7 +20,7 @@ NEEDS = cl.controllers.Needs(command="force", derivatives=5)
 
 
 def frame(n_axes, sample_time=T, twist_limit=90.0, return_rate=40.0):
-    return LocalTaskFrame(
+    return ReferenceFrame(
         n_axes=n_axes, sample_time=sample_time, twist_limit=twist_limit, return_rate=return_rate
     )
 
