@@ -5,6 +5,12 @@ from contourlab.controllers.axis_pid import AxisPid
 from contourlab.controllers.base import BoundController, Controller, Needs, in_tool_space
 from contourlab.controllers.cascade import Cascade
 from contourlab.controllers.cross_coupled import CrossCoupled
+from contourlab.controllers.direct_adaptive_robust import DirectAdaptiveRobust
+from contourlab.controllers.excitation import (
+    Excitation,
+    filtered_regressors,
+    windowed_excitation,
+)
 from contourlab.controllers.first_order_task_frame import FirstOrderTaskFrame
 from contourlab.controllers.frames import (
     BoundTaskFrame,
@@ -16,9 +22,11 @@ from contourlab.controllers.frames import (
     TaskFrame,
 )
 from contourlab.controllers.integral_sliding_mode import IntegralSlidingMode
+from contourlab.controllers.integrated_adaptive_robust import IntegratedAdaptiveRobust
 from contourlab.controllers.least_squares import BoundLeastSquares, FilteredLeastSquares
 from contourlab.controllers.natural_local_task_frame import NaturalLocalTaskFrame
 from contourlab.controllers.newton_cross_coupled import NewtonCrossCoupled
+from contourlab.controllers.parameter_bounds import parameter_bounds
 from contourlab.controllers.task_frame import BoundTaskFrameController, TaskFrameController
 from contourlab.controllers.variable_gain_cross_coupled import VariableGainCrossCoupled
 
@@ -33,11 +41,14 @@ __all__ = [
     "Cascade",
     "Controller",
     "CrossCoupled",
+    "DirectAdaptiveRobust",
+    "Excitation",
     "FilteredLeastSquares",
     "FirstOrderTaskFrame",
     "FrameMotion",
     "GlobalTaskFrame",
     "IntegralSlidingMode",
+    "IntegratedAdaptiveRobust",
     "LocalTaskFrame",
     "NaturalLocalTaskFrame",
     "Needs",
@@ -47,5 +58,8 @@ __all__ = [
     "TaskFrame",
     "TaskFrameController",
     "VariableGainCrossCoupled",
+    "filtered_regressors",
     "in_tool_space",
+    "parameter_bounds",
+    "windowed_excitation",
 ]

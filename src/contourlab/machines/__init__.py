@@ -1,6 +1,7 @@
 """Machines: what really happens when a command is given."""
 
 from contourlab.machines import published
+from contourlab.machines.arctan_friction import ArctanFriction
 from contourlab.machines.ball_screw import BallScrewAxes
 from contourlab.machines.base import (
     COMMAND_KINDS,
@@ -32,12 +33,14 @@ from contourlab.machines.friction import Friction
 from contourlab.machines.geometric_errors import GeometricErrors, PositionError, Squareness
 from contourlab.machines.lagged import LaggedAxes
 from contourlab.machines.machine import BoundMachine, Machine, MachineState
+from contourlab.machines.presliding import PreslidingAxes
 from contourlab.machines.rigid import RigidAxes
 from contourlab.machines.state_space import StateSpaceAxes
 from contourlab.machines.transfer_function import TransferFunctionAxes
 from contourlab.machines.two_mass import TwoMassAxes
 
 __all__ = [
+    "ArctanFriction",
     "COMMAND_KINDS",
     "BallScrewAxes",
     "BoundDynamics",
@@ -59,6 +62,7 @@ __all__ = [
     "Measurement",
     "NominalModel",
     "PositionError",
+    "PreslidingAxes",
     "RigidAxes",
     "SineDisturbance",
     "Squareness",

@@ -203,6 +203,8 @@ def _controller(value: Any, key: Key, machine: Machine) -> Controller:
         parts={
             "axis": lambda v, k: _controller(v, k, machine),
             "estimator": _estimator,
+            "frame": _frame,
+            "least_squares": _least_squares,
         },
     )  # fmt: skip
 
@@ -219,6 +221,20 @@ def _estimator(value: Any, key: Key) -> Any:
     value = {"type": value} if isinstance(value, str) else value
     cls, values = _typed(value, key, "estimator", registry.estimators())
     return make(cls, values, key)
+
+
+def _frame(value: Any, key: Key) -> Any:
+    value = {"type": value} if isinstance(value, str) else value
+    cls, values = _typed(value, key, "frame", registry.frames())
+    return make(cls, values, key)
+
+
+def _least_squares(value: Any, key: Key) -> Any:
+    from contourlab.controllers import FilteredLeastSquares
+
+    if not isinstance(value, Mapping):
+        raise KeyedError(key, f"must be a table of settings, got {value!r}")
+    return make(FilteredLeastSquares, value, key)
 
 
 def build_disturbance(value: Any, key: Key, names: tuple[str, ...]) -> Disturbance:

@@ -124,6 +124,11 @@ def _write_friction(friction: Friction | None, axes: list[Table], *, nested: boo
     """Flat, or as tables of their own, where zero must be said."""
     if friction is None:
         return
+    if type(friction) is not Friction:
+        raise ConfigurationError(
+            f"friction of the kind {type(friction).__name__} cannot be written in a machine file; "
+            "Friction can"
+        )
     n_axes = len(axes)
     columns = {
         f.name: _column(f"friction.{f.name}", getattr(friction, f.name), n_axes)

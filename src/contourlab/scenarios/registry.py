@@ -10,7 +10,7 @@ from typing import Any
 from contourlab.errors import ConfigurationError, choices
 from contourlab.simulation.checks import snake_case
 
-__all__ = ["contours", "controllers", "disturbances", "estimators", "lookup", "machines"]
+__all__ = ["contours", "controllers", "disturbances", "estimators", "frames", "lookup", "machines"]
 
 
 def _classes(package: Any, base: type, suffix: str = "") -> dict[str, type]:
@@ -46,6 +46,14 @@ def estimators() -> dict[str, type]:
     from contourlab import contour_errors as package
 
     return _classes(package, package.Estimator, "Estimator")
+
+
+@functools.cache
+def frames() -> dict[str, type]:
+    """Return task frames by name."""
+    from contourlab import controllers as package
+
+    return _classes(package, package.TaskFrame)
 
 
 @functools.cache

@@ -1,6 +1,7 @@
 """Machines of published papers, one file each, with what the source leaves open."""
 
 from contourlab.machines.published.ghaffari import ghaffari_three_axes, ghaffari_two_axes
+from contourlab.machines.published.hu import hu_gantry
 from contourlab.machines.published.meng import (
     meng_emulated_stage,
     meng_simulated_axes,
@@ -14,3 +15,4 @@ __all__ = [
     "meng_simulated_axes",
     "meng_xy_stage",
 ]
+__all__ = ["hu_gantry", "meng_emulated_stage", "meng_simulated_axes", "meng_xy_stage"]
