@@ -118,8 +118,8 @@ def windowed_excitation(
     count = round(window / sample_time)
     if not 1 <= count <= len(y):
         raise ConfigurationError(
-            f"window must be {sample_time:g} s at least and the record's {len(y) * sample_time:g} s "
-            f"at most, got {window:g} s"
+            f"window must be >= {sample_time:g} s and <= {len(y) * sample_time:g} s, the record's "
+            f"length, got {window:g} s"
         )
     factor = np.asarray(scale, float)
     y = y * (factor[:, None] if factor.ndim == 1 else factor)

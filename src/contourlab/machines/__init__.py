@@ -40,8 +40,8 @@ from contourlab.machines.transfer_function import TransferFunctionAxes
 from contourlab.machines.two_mass import TwoMassAxes
 
 __all__ = [
-    "ArctanFriction",
     "COMMAND_KINDS",
+    "ArctanFriction",
     "BallScrewAxes",
     "BoundDynamics",
     "BoundMachine",

@@ -2,8 +2,8 @@
 
     F(v) = (F_c + (F_s - F_c) exp(-(v / v_s)²)) (2/π) arctan(v / v_0)
 
-As :class:`Friction` but for the smooth sign, which comes near ±1 only as v_0 / v: laws and published
-machines that were identified with it mean this curve.
+As :class:`Friction` but for the smooth sign, which comes near ±1 only as v_0 / v: laws and
+published machines that were identified with it mean this curve.
 
 References
 ----------

@@ -2,15 +2,15 @@
 
     M q'' + B q' + F(q') z = K u + F_c(q) + d,    dz/dq = (1 - z sign q') / x_0          (1)
 
-z in [-1, 1] is the share of the friction level that acts: a contact that is pushed one way over some
-x_0 slides, and turned round it is first unloaded as a spring of stiffness F / x_0 (Dahl's model).
-F(v) = F_c + (F_s - F_c) exp(-(v / v_s)²) is the level. With a reversal of an axis the friction does
-not jump but turns round over some x_0, which a law that takes it for a function of velocity does not
-know.
+z in [-1, 1] is the share of the friction level that acts: a contact that is pushed one way over
+some x_0 slides, and turned round it is first unloaded as a spring of stiffness F / x_0 (Dahl's
+model). F(v) = F_c + (F_s - F_c) exp(-(v / v_s)²) is the level. With a reversal of an axis the
+friction does not jump but turns round over some x_0, which a law that takes it for a function of
+velocity does not know.
 
-Over a substep of displacement Δ, (1) is solved in closed form, z⁺ = σ + (z - σ) e^(-|Δ| / x_0) with σ
-the sign of Δ; the force is held at its value in the predicted middle (of second order, explicit): a
-substep must be short beside the period of the spring, 2π sqrt(M x_0 / F).
+Over a substep of displacement Δ, (1) is solved in closed form, z⁺ = σ + (z - σ) e^(-|Δ| / x_0) with
+σ the sign of Δ; the force is held at its value in the predicted middle (of second order, explicit):
+a substep must be short beside the period of the spring, 2π sqrt(M x_0 / F).
 
 References
 ----------

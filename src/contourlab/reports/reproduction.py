@@ -54,7 +54,7 @@ class PaperRow:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PaperFigure:
-    """Curves over time, as in one of the paper's figures."""
+    """Curves over time or a length, as in one of the paper's figures."""
 
     name: str
     """Of the file, without its ending."""
@@ -64,6 +64,8 @@ class PaperFigure:
     """[s]."""
     curves: tuple[tuple[str, NDArray[Any]], ...]
     """Name and values of each."""
+    x_label: str = "time [s]"
+    """What ``time`` really is, where it is something else."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -200,7 +202,7 @@ def write_paper_figures(
             axes.plot(figure.time, values, color=style.light, ls=style.line_style, lw=1.2,
                       label=literal(name))  # fmt: skip
         axes.margins(x=0.0)
-        axes.set_xlabel("time [s]", color=MUTED)
+        axes.set_xlabel(literal(figure.x_label), color=MUTED)
         axes.set_ylabel(literal(figure.y_label), color=MUTED)
         axes.set_title(literal(figure.title), loc="left", fontsize=11, color=INK)
         canvas.legend(loc="outside lower left", frameon=False, ncols=2, labelcolor=INK)
