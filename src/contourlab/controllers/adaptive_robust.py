@@ -45,7 +45,7 @@ V/(m/s²) to V. Limits of the command and of the gain; order (tangential, normal
 from __future__ import annotations
 
 import abc
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -159,7 +159,7 @@ class AdaptiveRobustController(Controller):
             raise ConfigurationError("parameter_lower must be > 0 for the masses")
 
     @classmethod
-    def by_bandwidth(cls, model: NominalModel, bandwidth_hz: Any, **settings: Any) -> Self:
+    def by_bandwidth(cls, model: NominalModel, bandwidth_hz: Any, **settings: Any) -> Any:
         """Return the law whose errors decay at chosen rates.
 
         Λ = 2π f, and K = 2 Λ M with the largest mass of the axes (in units of the command): the

@@ -7,8 +7,11 @@ for each axis, Y = (q_eq'', q', S_f, -1) and the law u = Y θ̂ - Jᵀ K s of
 in axes; it removes a constant error whatever its cause.
 
 Good contouring, no identification: θ̂ goes where the error wants it. Under velocity noise of
-variance σ² the masses even drift up, at Γ σ² times the mean of K's share... see the docs page for
-the rate. Use :class:`IntegratedAdaptiveRobust` where the parameters matter.
+variance σ² the masses drift up, since q_eq'' and p hold the same noise:
+
+    mean of M̂_i' = Γ σ² (Λ_t t_i² + Λ_n n_i²)                                            (2)
+
+Use :class:`IntegratedAdaptiveRobust` where the parameters matter.
 
 References
 ----------
@@ -16,7 +19,7 @@ References
 
 Differences from the paper
 --------------------------
-Projection by clipping after each sample; the error's sign of d, which (1) makes +Γ p.
+Projection by clipping after each sample.
 """
 
 from __future__ import annotations

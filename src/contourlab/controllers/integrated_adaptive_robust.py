@@ -26,7 +26,6 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
-from jaxtyping import Float
 
 from contourlab.configuration import part, real
 from contourlab.contours.base import Contour
@@ -42,6 +41,7 @@ from contourlab.controllers.least_squares import (
     FilteredLeastSquares,
     LeastSquaresState,
 )
+from contourlab.machines.base import PerAxis
 from contourlab.recordings.sample import Sample
 from contourlab.typing import Array, AxisVector, Scalar
 
@@ -105,8 +105,8 @@ class IntegratedAdaptiveRobust(AdaptiveRobustController):
     """
 
     least_squares: FilteredLeastSquares = part(default=FilteredLeastSquares())
-    compensation_rate: Float[Array, " ..."] | None = real(above=0.0, ndim=1, default=None)
-    compensation_limit: Float[Array, " ..."] | None = real(above=0.0, ndim=1, default=None)
+    compensation_rate: PerAxis | None = real(above=0.0, ndim=1, default=None)
+    compensation_limit: PerAxis | None = real(above=0.0, ndim=1, default=None)
 
     def bind(self, contour: Contour, sample_time: Scalar) -> BoundIntegratedAdaptiveRobust:
         """Return the law for one contour and sample time.

@@ -8,13 +8,15 @@ equation spares the differentiation of noise:
 
 The parameters follow by least squares with forgetting, normalised:
 
-    ζ = y · θ̂ - u_f,    N = 1 + ν Σ y · Γ y    (the sum is over the axes)                 (2)
-    θ̂' = Proj(-Γ y ζ / N),    Γ' = κ Γ - Γ y yᵀ Γ / N                                    (3)
+    ζ = y · θ̄ - u_f,    N = 1 + ν Σ y · Γ y    (the sum is over the axes)                 (2)
+    θ̄' = -Γ y ζ / N,    Γ' = κ Γ - Γ y yᵀ Γ / N,    θ̂ = Proj(θ̄)                          (3)
 
-θ̂ is kept within its bounds, element by element. y and u_f are held over a sample T, for which (3)
-has a closed form (without κ and the projection)
+θ̂, what is used, is kept within its bounds, element by element; θ̄, what is remembered, is not. To
+clip θ̄ itself would lose what the other elements are to make of it: Γ has fallen by then as if the
+step had been taken, and the loss is made good only at the rate of the forgetting. y and u_f are
+held over a sample T, for which (3) has a closed form (without κ)
 
-    Γ⁺ = Γ - T Γ y yᵀ Γ / (N + T y · Γ y),    θ̂⁺ = θ̂ - T Γ y ζ / (N + T y · Γ y)         (4)
+    Γ⁺ = Γ - T Γ y yᵀ Γ / (N + T y · Γ y),    θ̄⁺ = θ̄ - T Γ y ζ / (N + T y · Γ y)         (4)
 
 after which Γ⁺ grows by e^(κ T). Γ stays positive definite at any sample time; with κ = ν = 0 the
 estimate is that of batch least squares with the prior Γ(0), to rounding.
@@ -47,7 +49,7 @@ Differences from the paper
 is on the right-hand side of (5), so the column is -1. (24) and (25) lack ν, which IV.B lists. (25)
 sets Γ' = 0 above ρ_M; with the printed ρ_M = 500 and Γ(0) = 5000 it never begins
 (``at_limit="freeze"`` does that). The limit is for each axis; the norm is not λ_max. (4) in place
-of an Euler step. Projection by clipping.
+of an Euler step. The projection of what is used, not of what is remembered.
 """
 
 from __future__ import annotations
@@ -94,7 +96,9 @@ class LeastSquaresState(NamedTuple):
 
     filters: FilterState
     estimate: Parameters
-    """θ̂."""
+    """θ̂, within the bounds."""
+    free: Parameters
+    """θ̄, what least squares make of it without bounds."""
     covariance: Float[Array, "4 4 n_axes"]
     """Γ, one block for each axis."""
     regressor: Parameters
@@ -180,7 +184,7 @@ class FilteredLeastSquares(Configuration):
             at_limit=self.at_limit,
             friction_velocity=spread_over_axes("friction_velocity", self.friction_velocity, n),
             friction_shape=self.friction_shape,
-            settle=jnp.ceil(self.settle_time / sample_time),
+            settle=jnp.round(self.settle_time / sample_time),
         )  # fmt: skip
 
     def _initial(self, lower: Array, upper: Array, n: int) -> Array:
@@ -247,11 +251,11 @@ class BoundLeastSquares(Configuration):
         """
         position = jnp.asarray(position, float)
         n = position.shape[-1]
-        estimate = jnp.asarray(estimate, float)
+        estimate = self.project(jnp.asarray(estimate, float))
         covariance = jnp.eye(4)[:, :, None] * jnp.asarray(self.initial)
         return LeastSquaresState(
             FilterState(position, jnp.zeros((2, 4, n)), jnp.zeros(())),
-            self.project(estimate), covariance, jnp.zeros((4, n)), jnp.zeros(n),
+            estimate, estimate, covariance, jnp.zeros((4, n)), jnp.zeros(n),
             jnp.zeros((), jnp.int32),
         )  # fmt: skip
 
@@ -307,7 +311,7 @@ class BoundLeastSquares(Configuration):
             What acted since the last position, after any limit, shape (n_axes,).
         """
         regressor, wanted, filters = self.filtered(state.filters, position, command)
-        residual = jnp.sum(regressor * state.estimate, axis=0) - wanted  # (2)
+        residual = jnp.sum(regressor * state.free, axis=0) - wanted  # (2)
         spread = jnp.sum(state.covariance * regressor, axis=1)  # Γ y, shape (4, n_axes)
         # by component: XLA makes one loop of sums of products, and calls a library for dots
         size = jnp.sum(regressor * spread, axis=0)
@@ -315,7 +319,7 @@ class BoundLeastSquares(Configuration):
         step = self.sample_time / (norm + self.sample_time * size)
         learns = state.age >= self.settle
         step = jnp.where(learns, step, 0.0)
-        estimate = self.project(state.estimate - step * spread * residual)  # (4)
+        free = state.free - step * spread * residual  # (4)
         covariance = state.covariance - step * spread[:, None, :] * spread[None, :, :]  # (4)
         below = self.norm(state.covariance) <= self.limit
         growth = jnp.exp(self.forgetting * self.sample_time)
@@ -324,7 +328,13 @@ class BoundLeastSquares(Configuration):
             covariance = jnp.where(below, covariance, state.covariance)
         age = jnp.minimum(state.age + 1, jnp.asarray(self.settle, jnp.int32) + 1)
         return LeastSquaresState(
-            filters, estimate, covariance, regressor, residual, age.astype(jnp.int32)
+            filters,
+            self.project(free),
+            free,
+            covariance,
+            regressor,
+            residual,
+            age.astype(jnp.int32),
         )
 
     @staticmethod

@@ -78,7 +78,9 @@ class PreslidingAxes(Dynamics):
 
     def check(self) -> None:
         """Check that breakaway is not below Coulomb."""
-        if self.breakaway is not None and not np.all(self.breakaway >= self.coulomb):
+        if self.breakaway is not None and not np.all(
+            np.asarray(self.breakaway) >= np.asarray(self.coulomb)
+        ):
             raise ConfigurationError(
                 f"breakaway must be >= coulomb, got breakaway {self.breakaway} and coulomb "
                 f"{self.coulomb}"
@@ -237,7 +239,7 @@ class BoundPreslidingAxes(BoundDynamics):
             )
             return after, None
 
-        return jax.lax.scan(substep, state, None, length=count)[0]  # type: ignore[no-any-return]
+        return jax.lax.scan(substep, state, None, length=count)[0]
 
     def position(self, state: PreslidingState) -> AxisVector:
         """Return the true axis positions [m].

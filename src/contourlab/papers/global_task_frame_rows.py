@@ -299,8 +299,8 @@ def claim_rows(name: str, kind: str, runs: Runs) -> Iterable[PaperRow]:
               "relation: within 5 % of it")  # fmt: skip
     run = runs[name, kind, 1, "C2", DIFFERENCE]
     if run.excitation is not None:
-        for axis, label in ((0, "x"), (1, "y")):
-            value = float(run.excitation[axis])
+        for number, label in enumerate("xy"):
+            value = float(run.excitation[number])
             yield say("Set 1", CLASSES["C2"], f"excitation over a turn, {label}", "V^2 s", None,
                       value, value > 0.0,
                       "least eigenvalue of (26) over one turn, each parameter in units of its "

@@ -76,7 +76,7 @@ def build_recording(
         if not key.startswith("telemetry."):
             continue
         label = key.removeprefix("telemetry.")
-        last = {machine.n_axes: "axis", len(coordinates): "coordinate"}
+        last = {len(coordinates): "coordinate", machine.n_axes: "axis"}
         if rows.ndim == 1:
             data[label] = (("time",), rows)
         elif label == "contour_error_estimate":

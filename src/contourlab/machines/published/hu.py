@@ -110,7 +110,9 @@ def hu_gantry(
         drive=Drive(command="voltage", command_limit=10.0, computing_delay=computing_delay),
         sensor=Encoder(resolution=resolution),  # 0.5 µm, section IV.A
         travel=((-0.25, 0.25), (-0.05, 0.35)),  # m, assumed
-        limits=AxisLimits(velocity=1.0, acceleration=5.0, jerk=100.0),  # assumed
+        limits=AxisLimits(
+            velocity=np.full(2, 1.0), acceleration=np.full(2, 5.0), jerk=np.full(2, 100.0)
+        ),  # assumed
         substeps=10,
         nominal_model=NominalModel(
             mass=np.array(MASS), viscous=np.array(VISCOUS), coulomb=np.array(COULOMB),
