@@ -15,8 +15,12 @@ from contourlab.reports import reproduction_json
 
 # rms and largest contour error [um], rms of the commands [V]: a simulation of another author with
 # RK4 of ten substeps, encoders only, experiment I, rates of coordinates (no shared code)
-INDEPENDENT = {("C1", 1): (0.341, 1.54, 0.407, 0.691), ("C2", 1): (0.248, 2.51, 0.407, 0.690),
-               ("C2", 2): (0.247, 2.51, 0.527, 0.763), ("C2", 3): (1.090, 24.24, 0.407, 0.742)}  # fmt: skip
+INDEPENDENT = {
+    ("C1", 1): (0.341, 1.54, 0.407, 0.691),
+    ("C2", 1): (0.248, 2.51, 0.407, 0.690),
+    ("C2", 2): (0.247, 2.51, 0.527, 0.763),
+    ("C2", 3): (1.090, 24.24, 0.407, 0.742),
+}
 
 
 def test_the_motion_is_that_of_the_paper():
