@@ -233,3 +233,36 @@ def test_the_estimates_are_recorded():
     estimate = recording["contour_error_estimate"] - recording["contour_error_vector"]
     assert np.abs(np.asarray(estimate)).max() < 1e-6  # half a count of the encoders
     assert recording.metrics["contour_error_max"] < 1e-3
+
+
+def primitives(jaxpr):
+    for equation in jaxpr.eqns:
+        yield equation.primitive.name
+        for value in jax.tree.leaves(
+            list(equation.params.values()), is_leaf=lambda x: hasattr(x, "eqns")
+        ):
+            inner = getattr(value, "jaxpr", value)
+            if hasattr(inner, "eqns"):
+                yield from primitives(inner)
+
+
+@pytest.mark.parametrize("kind", [DirectAdaptiveRobust, IntegratedAdaptiveRobust])
+def test_a_step_needs_no_linear_algebra_library(kind):
+    """So that it can be exported: no factorisation, and without a foot point no loop either."""
+    law = kind(**GAINS, **BOUNDS, frame=LocalTaskFrame(), robust_accuracy=1.0)
+    bound = law.bind(Circle(radius=0.05), T)
+    sample = sample_at(make_samples(Circle(radius=0.05), 10, T, NEEDS), 3)
+    state = bound.init(sample)
+    found = set(primitives(jax.make_jaxpr(bound.step)(state, sample).jaxpr))
+    assert {"mul", "clamp" if "clamp" in found else "min"} <= found
+    library = {
+        "cholesky",
+        "eig",
+        "eigh",
+        "lu",
+        "qr",
+        "svd",
+        "triangular_solve",
+        "custom_linear_solve",
+    }
+    assert not found & (library | {"while", "scan", "pure_callback"})

@@ -11,7 +11,7 @@ from contourlab.contours import Circle, Ellipse, FigureEight, Line, Path, foot_p
 from contourlab.controllers import GlobalTaskFrame, LocalTaskFrame, Needs
 from contourlab.controllers.frames.global_task_frame import arc_between
 from contourlab.errors import RefusedError
-from contourlab.testing.samples import make_samples
+from contourlab.testing.samples import make_samples, standing
 
 T = 1e-3
 ELLIPSE = Ellipse(semi_axes=(0.2, 0.1), center=(0.0, 0.1))
@@ -208,3 +208,44 @@ def test_what_cannot_be_framed_is_refused():
             frame.bind(Line(start=(0.0, 0.0, 0.0), end=(1.0, 0.0, 0.0)), T)
     with pytest.raises(RefusedError, match="has none of its own: use form 'foot_point'"):
         GlobalTaskFrame(form="implicit").bind(FigureEight(half_sizes=(0.03, 0.03)), T)
+
+
+@pytest.mark.parametrize("frame", frames(), ids=["foot", "implicit", "local"])
+def test_the_errors_do_not_depend_on_where_the_contour_lies(frame):
+    """Turned and shifted with the tool, errors and rates stay; J turns along."""
+    turn, shift = 0.7, np.array([0.3, -0.2])
+    matrix = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    samples = make_samples(ELLIPSE, 50, T, NEEDS, error=np.array([2e-3, 1e-3]))
+    center = matrix @ np.array([0.0, 0.1]) + shift
+    moved_contour = Ellipse(semi_axes=(0.2, 0.1), center=center, rotation=turn)
+    other = make_samples(moved_contour, 50, T, NEEDS, error=matrix @ np.array([2e-3, 1e-3]))
+    here, there = at(frame, ELLIPSE, samples), at(frame, moved_contour, other)
+    assert_allclose(there.error, here.error, atol=1e-13)
+    assert_allclose(there.rate, here.rate, atol=1e-10)
+    assert_allclose(there.turning, here.turning, rtol=1e-9)
+    assert_allclose(there.jacobian, np.asarray(here.jacobian) @ matrix.T, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_run_backwards_both_errors_change_sign():
+    back = ELLIPSE.reversed()
+    samples = make_samples(ELLIPSE, 20, T, NEEDS, error=np.array([2e-3, 1e-3]))
+    other = make_samples(back, 20, T, NEEDS, error=np.array([2e-3, 1e-3]))
+    start, end = ELLIPSE.domain
+    parameter = start + end - np.asarray(samples.reference.parameter)
+    other = put(other, samples.position, samples.velocity, parameter)
+    here = at(GlobalTaskFrame(), ELLIPSE, samples).error
+    there = at(GlobalTaskFrame(), back, other).error
+    assert_allclose(there, -np.asarray(here), atol=1e-14)
+
+
+@pytest.mark.parametrize("frame", frames(), ids=["foot", "implicit", "local"])
+def test_a_reference_that_stands_is_no_special_case(frame):
+    reference = standing(ELLIPSE, 5, T)
+    samples = make_samples(ELLIPSE, 5, T, NEEDS, reference=reference, error=np.zeros(2))
+    here = at(frame, ELLIPSE, samples)
+    for value in jax.tree.leaves(here):
+        assert np.all(np.isfinite(value))
+    assert_allclose(here.error, 0.0, atol=1e-15)
+    assert_allclose(here.carried_velocity, 0.0, atol=1e-15)
+    assert_allclose(here.carried_acceleration, 0.0, atol=1e-15)

@@ -3,8 +3,8 @@
     θ̂' = Proj(Γ Ψᵀ s):    θ̂_j' = -Γ_j Y_j p,    p = Jᵀ s                                (1)
 
 for each axis, Y = (q_eq'', q', S_f, -1) and the law u = Y θ̂ - Jᵀ K s of
-:mod:`~contourlab.controllers.adaptive_robust`. The fast row is that of d̂, an integral of the error
-in axes; it removes a constant error whatever its cause.
+:mod:`~contourlab.controllers.adaptive_robust_law`. The fast row is that of d̂, an integral of the
+error in axes; it removes a constant error whatever its cause.
 
 Good contouring, no identification: θ̂ goes where the error wants it. Under velocity noise of
 variance σ² the masses drift up, since q_eq'' and p hold the same noise:
@@ -32,8 +32,8 @@ from jaxtyping import Float
 
 from contourlab.configuration import real, static
 from contourlab.contours.base import Contour
-from contourlab.controllers.adaptive_robust import (
-    AdaptiveRobustController,
+from contourlab.controllers.adaptive_robust import AdaptiveRobustController
+from contourlab.controllers.adaptive_robust_law import (
     BoundAdaptiveRobustController,
     Parameters,
 )

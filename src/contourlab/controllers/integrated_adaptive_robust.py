@@ -6,8 +6,8 @@ fast compensation, an integral of the error in axes:
 
     u = Y θ̂ - d̂_c - Jᵀ K s,    d̂_c' = Proj(γ_a Jᵀ s),    |d̂_c| ≤ d̂_cmax                 (1)
 
-(see :mod:`~contourlab.controllers.adaptive_robust` for Y and s). θ̂ converges to the truth if the
-motion excites it, which (26) of the paper says how much it does; see
+(see :mod:`~contourlab.controllers.adaptive_robust_law` for Y and s). θ̂ converges to the truth if
+the motion excites it; how much it does, (26) of the paper, is computed by
 :func:`~contourlab.controllers.excitation.windowed_excitation`.
 
 With ``frame=LocalTaskFrame()`` it is the paper's C3, with the global frame (the default) its C2.
@@ -29,8 +29,8 @@ import jax.numpy as jnp
 
 from contourlab.configuration import part, real
 from contourlab.contours.base import Contour
-from contourlab.controllers.adaptive_robust import (
-    AdaptiveRobustController,
+from contourlab.controllers.adaptive_robust import AdaptiveRobustController
+from contourlab.controllers.adaptive_robust_law import (
     AdaptiveRobustState,
     BoundAdaptiveRobustController,
     Parameters,

@@ -135,9 +135,7 @@ class FilteredLeastSquares(Configuration):
     settle_time: Scalar = real(unit="s", minimum=0.0, ndim=0, default=0.0)
     """Time from the start during which nothing is learned."""
 
-    def bind(
-        self, lower: Any, upper: Any, sample_time: Scalar, n_axes: int | None = None
-    ) -> BoundLeastSquares:
+    def bind(self, lower: Any, upper: Any, sample_time: Scalar) -> BoundLeastSquares:
         """Return the estimator for one sample time.
 
         Parameters
@@ -147,8 +145,6 @@ class FilteredLeastSquares(Configuration):
             ``initial_covariance`` must be given.
         sample_time
             T [s].
-        n_axes
-            Number of axes; that of the bounds if None.
 
         Raises
         ------
@@ -156,7 +152,7 @@ class FilteredLeastSquares(Configuration):
             A cut-off above a quarter of the sampling frequency, bounds or a covariance of the
             wrong shape, no covariance and infinite bounds.
         """
-        n = int(np.shape(lower)[-1]) if n_axes is None else n_axes
+        n = int(np.shape(lower)[-1]) if np.ndim(lower) else 0
         for name, value in (("lower", lower), ("upper", upper)):
             if np.shape(value) != (4, n):
                 raise ConfigurationError(
