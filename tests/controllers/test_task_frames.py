@@ -92,6 +92,12 @@ def test_rates_and_carried_motion_are_the_derivatives(frame):
     change = rate_of(here.carried_velocity)
     wanted = np.asarray(here.carried_acceleration)[inner]
     assert_allclose(change, wanted, atol=1e-4 * np.abs(wanted).max())
+    # and so is the motion that a course of the error asks for
+    slope = np.stack([np.sin(50 * time), 0.7 * np.cos(30 * time)], 1)
+    bend = np.stack([50 * np.cos(50 * time), -21 * np.sin(30 * time)], 1)
+    velocity, wanted = jax.vmap(lambda c, a, b: c.equivalent_motion(a, b))(here, slope, bend)
+    wanted = np.asarray(wanted)[inner]
+    assert_allclose(rate_of(velocity), wanted, atol=1e-4 * np.abs(wanted).max())
 
 
 def _feet(samples):
