@@ -11,8 +11,8 @@ from contourlab.machines.published.meng import (
 __all__ = [
     "ghaffari_three_axes",
     "ghaffari_two_axes",
+    "hu_gantry",
     "meng_emulated_stage",
     "meng_simulated_axes",
     "meng_xy_stage",
 ]
-__all__ = ["hu_gantry", "meng_emulated_stage", "meng_simulated_axes", "meng_xy_stage"]
