@@ -52,6 +52,20 @@ def test_k_per_millisecond_gives_errors_of_the_published_size():
         assert 0.75 < ratio[1] < 1.05 or case == C
 
 
+def test_what_is_kept_of_a_run():
+    """The law's own estimate is the static one; the reference needs (τ a + V) / k + 0.15 V."""
+    case = runs.CASES[B50]
+    kept = runs.outcome(run := runs.run_case(case, "variable gain", sample_time=1e-4), case,
+                        points=500)  # fmt: skip
+    assert_allclose(kept.largest, 1e6 * run.metrics["contour_error_max"])
+    assert_allclose(kept.static, kept.estimated, rtol=0, atol=1e-9 * kept.largest)
+    assert kept.static_off == pytest.approx(kept.estimate_off)
+    assert 0.0 < kept.estimate_off < 0.1  # third order in a lag of 0.4 mm
+    # at the ends of y = h x²: V = 2 h 20 mm 20 mm/s = 40 mm/s, a = 2 h (20 mm/s)² = 40 mm/s²
+    assert_allclose(kept.needed, (0.045 * 40.0 + 40.0) / 10.0 + 0.15, rtol=1e-9)
+    assert 500 <= len(kept.time) <= 510
+
+
 def test_k_per_second_is_not_what_the_paper_shows():
     assert found(B50, "k' in 1/s", sample_time=1e-4)[0] > 1e3
 

@@ -293,7 +293,7 @@ def outcome(recording: Recording, case: Case, *, points: int = 10_000) -> Outcom
     time = np.asarray(recording["time"])
     reference = parabola_reference(case.curvature, case.duration, float(time[1] - time[0]))
     model = ghaffari_two_axes().nominal
-    needed = np.asarray(model.feed_forward(reference.velocity, reference.acceleration))
+    needed = np.asarray(jax.vmap(model.feed_forward)(reference.velocity, reference.acceleration))
     kept = slice(None, None, max(1, len(time) // points))
     estimated = np.full(len(time[kept]), np.nan)
     if "contour_error_estimate" in recording.dataset:
