@@ -129,15 +129,17 @@ def test_the_robust_gain_meets_its_conditions():
         gain, limited = law.robust_gain(jnp.asarray(y))
         assert not bool(limited)
         assert np.all(np.asarray(gain) > 0.0)
-        theta, hat = rng.uniform(LOWER, UPPER), rng.uniform(LOWER, UPPER)
-        compensation, rest = rng.uniform(-1, 1, 2), rng.normal(size=2)
-        rest *= 0.3 / np.linalg.norm(rest)
-        unknown = np.sum(y * (hat - theta), 0) - compensation + rest
+        # everything that is unknown at its worst, and all of it one way
+        theta, hat = np.where(y > 0, LOWER, UPPER), np.where(y > 0, UPPER, LOWER)
+        compensation = -np.ones(2)
+        unknown = np.sum(y * (hat - theta), 0) - compensation
+        unknown *= 1.0 + 0.3 / np.linalg.norm(unknown)
         # the worst s is along the unknown
         direction = unknown / np.linalg.norm(unknown)
         sizes = np.linspace(0.0, 4.0 * np.linalg.norm(unknown) / gain[0], 200)
         worst = sizes * np.linalg.norm(unknown) - gain[0] * sizes**2
         assert worst.max() <= 1e4 * (1 + 1e-9)
+        assert worst.max() > 0.6e4  # and not by far
         assert direction @ (-np.asarray(gain) * direction) <= 0.0  # ii
 
 

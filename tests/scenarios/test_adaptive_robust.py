@@ -69,6 +69,21 @@ def test_a_program_with_corners_is_refused_with_the_reason(tmp_path):
         compared(scenario(tmp_path, '[part]\nfile = "part.ngc"\n'))
 
 
+def test_the_gantry_takes_flags(tmp_path):
+    part = '[part]\nformula = "circle"\nradius = "20 mm"\n'
+    file = scenario(tmp_path, part)
+    text = file.read_text()
+    flags = f'{MACHINE}payload = true\ncogging = true\nencoder = "1 um"\n'
+    file.write_text(text.replace(MACHINE, flags))
+    machine = read_scenario(file).machine
+    np.testing.assert_allclose(machine.dynamics.mass, [0.19, 0.62])
+    assert len(machine.dynamics.cogging) == 1
+    np.testing.assert_allclose(machine.sensor.resolution, 1e-6)
+    file.write_text(text.replace(MACHINE, f"{MACHINE}payload = 1\n"))
+    with pytest.raises(ContourlabError, match="payload must be true or false, got 1"):
+        read_scenario(file)
+
+
 @pytest.mark.parametrize(
     ("line", "message"),
     [

@@ -343,7 +343,7 @@ def soft_tangent_run(law: str) -> Run:
     law
         ``"C2"`` or ``"C3"``.
     """
-    machine = hu_gantry(payload=True, resolution=0.0)
+    machine = hu_gantry(payload=True, encoder=0.0)
     frame: TaskFrame = GlobalTaskFrame(form="implicit")
     if law == "C3":
         frame = LocalTaskFrame()

@@ -98,19 +98,24 @@ def _named(section: MachineSection) -> Machine:
     with at("machine", "name"):
         function = registry.lookup("machine", section.name, registry.machines())
     arguments: dict[str, Any] = {}
-    allowed = set(inspect.signature(function).parameters)
+    parameters = inspect.signature(function).parameters
+    allowed = set(parameters)
     for name, value in (section.model_extra or {}).items():
         if name not in allowed:
             known = {*allowed, "name", "set", "computing_delay", "substeps", "velocity"}
             raise KeyedError(("machine", name), f"unknown key; {choices(name, known)}")
         with at("machine", name):
-            arguments[name] = _argument(name, value)
+            arguments[name] = _argument(name, value, parameters[name].default)
     with at("machine", *arguments) if len(arguments) == 1 else at("machine"):
         machine: Machine = function(**arguments)
     return _overridden(machine, section)
 
 
-def _argument(name: str, value: Any) -> Any:
+def _argument(name: str, value: Any, default: Any) -> Any:
+    if isinstance(default, bool):
+        if not isinstance(value, bool):
+            raise ConfigurationError(f"{name} must be true or false, got {value!r}")
+        return value
     if isinstance(value, list):
         raise ConfigurationError(f"must be a single value, got {value!r}")
     if name in _COUNTS:

@@ -57,7 +57,7 @@ def hu_gantry(
     cogging: bool = False,
     presliding: bool = False,
     computing_delay: float = 0.0,
-    resolution: float = 0.5e-6,
+    encoder: float = 0.5e-6,
 ) -> Machine:
     """Return the gantry; laws are told the identified parameters without payload.
 
@@ -71,8 +71,8 @@ def hu_gantry(
         Whether dry friction has presliding and more friction at low speed; assumed.
     computing_delay
         From measuring to acting [s]; assumed.
-    resolution
-        Of the encoders [m]; 0 for exact ones.
+    encoder
+        Distance between encoder counts [m]; 0 for exact ones.
     """
     mass = np.array(LOADED_MASS if payload else MASS)
     cogs = (Cogging(amplitude=COGGING[0], period=COGGING[1]),) if cogging else ()
@@ -108,7 +108,7 @@ def hu_gantry(
         names=("X", "Y"),
         dynamics=dynamics,
         drive=Drive(command="voltage", command_limit=10.0, computing_delay=computing_delay),
-        sensor=Encoder(resolution=resolution),  # 0.5 µm, section IV.A
+        sensor=Encoder(resolution=encoder),  # 0.5 µm, section IV.A
         travel=((-0.25, 0.25), (-0.05, 0.35)),  # m, assumed
         limits=AxisLimits(
             velocity=np.full(2, 1.0), acceleration=np.full(2, 5.0), jerk=np.full(2, 100.0)
