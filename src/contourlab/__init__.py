@@ -19,8 +19,9 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _PACKAGES = (
-    "configuration", "contour_errors", "contours", "controllers", "errors", "feedrate", "machines",
-    "papers", "recordings", "reports", "scenarios", "simulation", "testing", "typing", "units",
+    "configuration", "contour_errors", "contours", "controllers", "errors", "feedrate",
+    "identification", "machines", "papers", "recordings", "reports", "scenarios", "simulation",
+    "testing", "typing", "units",
 )  # fmt: skip
 _NAMES = {
     "Comparison": "contourlab.simulation",
@@ -64,6 +65,7 @@ if TYPE_CHECKING:
         controllers,
         errors,
         feedrate,
+        identification,
         machines,
         papers,
         recordings,

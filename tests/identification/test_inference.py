@@ -1,0 +1,67 @@
+"""The covariance of sums of coloured scores, and the estimate, against closed forms."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.signal import lfilter
+
+from contourlab.identification.inference import fit, long_run_covariance
+
+
+def test_the_long_run_covariance_of_a_coloured_series():
+    """x_k = ρ x_k-1 + e_k: the variance of the sum of n is n / (1 - ρ)²."""
+    rng = np.random.default_rng(1)
+    rho, n, runs, cosines = 0.8, 4000, 400, 12
+    x = lfilter([1.0], [1.0, -rho], rng.standard_normal((runs, n)), axis=1)
+    found = [long_run_covariance(row[:, None], cosines)[0, 0] for row in x]
+    # the mean of 400 chi-squares of 12 degrees: relative deviation √(2/12/400) = 2 %
+    assert_allclose(np.mean(found) / n, 1 / (1 - rho) ** 2, rtol=0.08)
+    assert_allclose(np.var(found) / np.mean(found) ** 2, 2 / cosines, rtol=0.25)
+
+
+def test_two_series_that_go_together():
+    rng = np.random.default_rng(2)
+    x = rng.standard_normal((20000, 1)) @ np.array([[1.0, -2.0]])
+    found = long_run_covariance(x, 12)
+    assert_allclose(found, found[0, 0] * np.array([[1, -2], [-2, 4]]), atol=1e-9 * found[0, 0])
+
+
+def test_a_constant_has_no_spread():
+    assert_allclose(long_run_covariance(np.ones((100, 1)), 12), 0.0, atol=1e-20)
+
+
+def test_without_other_instruments_it_is_weighted_least_squares():
+    rng = np.random.default_rng(3)
+    y, w = rng.standard_normal((500, 3)) * [1.0, 1e3, 1e-3], rng.uniform(size=500)
+    u = y @ [1.0, 2e-3, -3e3] + 0.1 * rng.standard_normal(500)
+    found = fit(y, u, y, w, 12)
+    root = np.sqrt(w)
+    assert_allclose(found.estimate, np.linalg.lstsq(y * root[:, None], u * root)[0], rtol=1e-10)
+    assert_allclose(found.residual, u - y @ found.estimate, atol=1e-12)
+
+
+def test_the_covariance_is_that_of_white_noise():
+    """σ² (Yᵀ Y)⁻¹, in the mean over many draws."""
+    rng = np.random.default_rng(4)
+    y = np.column_stack([np.sin(np.arange(2000) / 7.0), rng.standard_normal(2000)])
+    found = np.mean(
+        [
+            fit(
+                y, y @ [1.0, 2.0] + 0.3 * rng.standard_normal(2000), y, np.ones(2000), 12
+            ).covariance
+            for _ in range(300)
+        ],
+        axis=0,
+    )
+    exact = 0.09 * np.linalg.inv(y.T @ y)
+    assert_allclose(found, exact, atol=0.1 * exact[0, 0])
+
+
+@pytest.mark.parametrize("noisy", [False, True])
+def test_noise_in_the_regressor_does_not_bias_with_an_instrument(noisy):
+    rng = np.random.default_rng(5)
+    true = np.sin(np.arange(40000) / 11.0)[:, None]
+    seen = true + rng.standard_normal(true.shape)
+    found = fit(seen, 3.0 * true[:, 0], seen if noisy else true, np.ones(40000), 12)
+    # errors in variables: S / (S + σ²) = 0.5 / 1.5
+    assert_allclose(found.estimate, [1.0 if noisy else 3.0], rtol=0.05)
