@@ -14,8 +14,10 @@ from contourlab.controllers import (
     AxisPid,
     Cascade,
     CrossCoupled,
+    DirectAdaptiveRobust,
     FirstOrderTaskFrame,
     IntegralSlidingMode,
+    IntegratedAdaptiveRobust,
     NaturalLocalTaskFrame,
     NewtonCrossCoupled,
     VariableGainCrossCoupled,
@@ -45,6 +47,13 @@ LAWS = {
     ),
     "CrossCoupled, tangent": lambda model: CrossCoupled(
         axis=pid(model), estimator=TangentEstimator(), kp=2e5, kd=200.0
+    ),
+    # what an axis learns of its mass and friction prefers directions: only the disturbance is learned
+    "DirectAdaptiveRobust": lambda model: DirectAdaptiveRobust.by_bandwidth(
+        model, (15.0, 25.0), uncertainty=0.0, disturbance_limit=100.0
+    ),
+    "IntegratedAdaptiveRobust": lambda model: IntegratedAdaptiveRobust.by_bandwidth(
+        model, (15.0, 25.0), uncertainty=0.0, disturbance_limit=100.0
     ),
     "FirstOrderTaskFrame": lambda model: FirstOrderTaskFrame(
         model=model, bandwidth_hz=(15.0, 40.0)
