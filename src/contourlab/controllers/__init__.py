@@ -2,6 +2,7 @@
 
 from contourlab.controllers.axis_controller import AxisController, BoundAxisController
 from contourlab.controllers.axis_pid import AxisPid
+from contourlab.controllers.axis_predictive import AxisPredictive
 from contourlab.controllers.base import BoundController, Controller, Needs, in_tool_space
 from contourlab.controllers.cascade import Cascade
 from contourlab.controllers.cross_coupled import CrossCoupled
@@ -27,12 +28,14 @@ from contourlab.controllers.least_squares import BoundLeastSquares, FilteredLeas
 from contourlab.controllers.natural_local_task_frame import NaturalLocalTaskFrame
 from contourlab.controllers.newton_cross_coupled import NewtonCrossCoupled
 from contourlab.controllers.parameter_bounds import parameter_bounds
+from contourlab.controllers.predictive_contouring import PredictiveContouring
 from contourlab.controllers.task_frame import BoundTaskFrameController, TaskFrameController
 from contourlab.controllers.variable_gain_cross_coupled import VariableGainCrossCoupled
 
 __all__ = [
     "AxisController",
     "AxisPid",
+    "AxisPredictive",
     "BoundAxisController",
     "BoundController",
     "BoundLeastSquares",
@@ -53,6 +56,7 @@ __all__ = [
     "NaturalLocalTaskFrame",
     "Needs",
     "NewtonCrossCoupled",
+    "PredictiveContouring",
     "ReferenceFrame",
     "TaskCoordinates",
     "TaskFrame",

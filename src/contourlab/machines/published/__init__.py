@@ -1,5 +1,6 @@
 """Machines of published papers, one file each, with what the source leaves open."""
 
+from contourlab.machines.published.el_khalick import el_khalick_feed_drive
 from contourlab.machines.published.ghaffari import ghaffari_three_axes, ghaffari_two_axes
 from contourlab.machines.published.hu import hu_gantry
 from contourlab.machines.published.meng import (
@@ -16,3 +17,4 @@ __all__ = [
     "meng_simulated_axes",
     "meng_xy_stage",
 ]
+__all__ = ["el_khalick_feed_drive", "meng_emulated_stage", "meng_simulated_axes", "meng_xy_stage"]
