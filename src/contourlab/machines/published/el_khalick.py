@@ -85,7 +85,7 @@ def el_khalick_feed_drive(
     speed = radius * (9.0 - coulomb_voltage) * TORQUE_PER_VOLT / VISCOUS
     friction = Friction(
         coulomb=TORQUE_PER_VOLT * coulomb_voltage,  # N m, assumed
-        smoothing_velocity=1e-6,  # m/s, assumed
+        smoothing_velocity=1e-7,  # m/s, assumed: nearly true sticking
     )
     extra = "" if n_axes == 2 else " The third axis is assumed: the same drive with 5 kg."
     drive = Drive(command="voltage", command_limit=10.0)  # V, assumed
@@ -107,11 +107,11 @@ def el_khalick_feed_drive(
             acceleration=np.full(n_axes, 0.15),  # m/s², assumed: 10 V give 0.22 from rest
             jerk=np.full(n_axes, 5.0),  # m/s³, assumed
         ),
-        substeps=20,
+        substeps=50,
         nominal_model=axes(0.0, None).nominal(n_axes, drive),
         assumed=(
             f"The paper states no dry friction; assumed: {coulomb_voltage:g} V of Coulomb friction "
-            f"({TORQUE_PER_VOLT * coulomb_voltage:g} N m), its sign smoothed over 1 um/s, of which "
+            f"({TORQUE_PER_VOLT * coulomb_voltage:g} N m), its sign smoothed over 0.1 um/s, of which "
             "laws are not told.",
             "It states no voltage limit; assumed: 10 V.",
             f"It states no sensor; assumed: true position with a noise of {1e6 * noise:g} um.",
