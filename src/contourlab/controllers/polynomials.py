@@ -22,7 +22,7 @@ from contourlab.typing import Array
 
 __all__ = ["check_roots", "divide", "multiply", "padded"]
 
-Polynomial = Float[Array, "*batch n_coefficients"]
+Polynomial = Float[Array, "..."]
 
 
 def multiply(first: Polynomial, second: Polynomial) -> Array:

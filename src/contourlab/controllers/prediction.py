@@ -125,10 +125,13 @@ class Predictor(eqx.Module):
     """Command that holds the machine per distance [command unit per m]."""
     effort_at_rest: AxisVector
     """The same, filtered by Q(1)."""
-    input_filter: Matrix
-    output_filter: Matrix
-    weight_filter: Matrix
-    own_output: Matrix | None
+    input_filter: Float[Array, "n_axes n_inputs"]
+    """A or C after its 1, as the next two: by what past values are filtered."""
+    output_filter: Float[Array, "n_axes n_past_outputs"]
+    """C."""
+    weight_filter: Float[Array, "n_axes n_weighted"]
+    """Q_d."""
+    own_output: Float[Array, "n_axes n_inputs"] | None
     """B of the model that runs beside; None in the realigned form."""
 
     def start(self, position: AxisVector) -> History:

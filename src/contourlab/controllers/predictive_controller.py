@@ -49,7 +49,7 @@ __all__ = ["STATUSES", "PredictiveController"]
 STATUSES = ("normal", "saturated", "open loop: a constant disturbance model uses no measurement")
 """Of both predictive laws."""
 
-Coefficients = Float[Array, "*batch n_coefficients"]
+Coefficients = Float[Array, "..."]
 
 
 class PredictiveController(Controller):
@@ -86,6 +86,11 @@ class PredictiveController(Controller):
     def __check_init__(self) -> None:
         name = type(self).__name__
         refuse_no_model(self.model)
+        counts = (self.minimum_horizon, self.prediction_horizon, self.control_horizon)
+        if not all(isinstance(n, int) and n >= 1 for n in counts) or not isinstance(
+            self.delay, int
+        ):
+            return  # refused by what the field allows
         if self.minimum_horizon > self.prediction_horizon:
             raise ConfigurationError(
                 f"minimum_horizon must be <= prediction_horizon = {self.prediction_horizon}, "

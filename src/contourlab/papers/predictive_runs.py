@@ -52,8 +52,8 @@ EXTRA_TIME = 0.3
 """By which references go on after the window [s], more than any horizon here."""
 
 MODELS: dict[str, dict[str, Any]] = {
-    "Q = 1, D = A": {"disturbance_integrators": 0, "input_filter_numerator": (1.0,)},
-    "Q = 1 - 1/q, D = (1 - 1/q) A": {},
+    "D = A, Q = 1": {"disturbance_integrators": 0, "input_filter_numerator": (1.0,)},
+    "D = (1 - 1/q) A, Q = 1 - 1/q": {},
 }
 """The two readings: nearest to the printed (17), and free of offset."""
 PLAIN, FREE = MODELS

@@ -146,7 +146,7 @@ def reproduction_table(reproduction: Reproduction) -> Table:
 def _what(row: PaperRow) -> str:
     """Return controller and quantity in few words."""
     words = row.quantity.replace("contour_error_", "error ").replace("_", " ")
-    who = row.controller.removesuffix("_task_frame").replace("_", " ")
+    who = row.controller.removesuffix("_task_frame").removesuffix("_contouring").replace("_", " ")
     return f"{who}: {words}" if who else words
 
 

@@ -111,8 +111,8 @@ def el_khalick_feed_drive(
         nominal_model=axes(0.0, None).nominal(n_axes, drive),
         assumed=(
             f"The paper states no dry friction; assumed: {coulomb_voltage:g} V of Coulomb friction "
-            f"({TORQUE_PER_VOLT * coulomb_voltage:g} N m), its sign smoothed over 0.1 um/s, of which "
-            "laws are not told.",
+            f"({TORQUE_PER_VOLT * coulomb_voltage:g} N m), its sign smoothed over 0.1 um/s, of "
+            "which laws are not told.",
             "It states no voltage limit; assumed: 10 V.",
             f"It states no sensor; assumed: true position with a noise of {1e6 * noise:g} um.",
             "It states no travel and limits; assumed: +-0.1 m, the speed that 9 V hold, 0.15 m/s^2 "
