@@ -256,7 +256,7 @@ def test_a_constant_force_leaves_no_error_only_with_the_integrator(free_of_offse
 
 def test_what_was_clipped_is_what_is_remembered():
     """The model beside the machine shows what the machine does, limits or not."""
-    controller = law(**BESIDE, told=model(limit=3.5))
+    controller = law(form="independent", told=model(limit=3.5))
     reference = circle_reference(rate=0.5, duration=0.5)
     recording = run(controller, stage(command_limit=3.5), reference=reference)
     assert np.max(np.abs(recording["command"])) == 3.5
@@ -281,10 +281,9 @@ def test_what_was_clipped_is_what_is_remembered():
 
 def test_the_delay_of_a_drive_is_foreseen():
     late = stage(computing_delay=2.0 * T)
-    known, unknown = (run(law(delay=delay, **PLAIN), late) for delay in (2, 0))
-    error = [r.metrics_between(0.5, 1.1)["contour_error_rms"] for r in (known, unknown)]
-    assert error[0] < 1e-6
-    assert not error[1] < 1e-5
+    known, unknown = (run(law(delay=delay), late) for delay in (2, 0))
+    assert known.metrics_between(0.5, 1.1)["contour_error_rms"] < 5e-6
+    assert unknown.diverged
 
 
 def test_friction_is_compensated_along_the_reference():
@@ -301,7 +300,8 @@ def test_friction_is_compensated_along_the_reference():
         run(law(told=nominal, friction_compensation=share), machine).metrics_between(0.5, 1.1)
         for share in (1.0, 0.0)
     ]
-    assert error[0]["contour_error_rms"] < 0.2 * error[1]["contour_error_rms"]
+    # what is left is the held command's on the curve
+    assert error[0]["contour_error_max"] < 0.4 * error[1]["contour_error_max"]
 
 
 # -- references --------------------------------------------------------------------------------
@@ -338,7 +338,7 @@ def test_without_direction_every_error_counts_as_one_across():
 
 
 def test_corners_are_nothing_special():
-    square = Path.from_points(np.array([[0.0, 0.0], [0.01, 0.0], [0.01, 0.01]]))
+    square = Path.polyline(np.array([[0.0, 0.0], [0.01, 0.0], [0.01, 0.01]]))
     reference = cl.feedrate.constant_feed(square, feed=0.02, sample_time=T)
     recording = run(law(), reference=reference)
     assert not recording.diverged

@@ -87,10 +87,9 @@ class PredictiveController(Controller):
         name = type(self).__name__
         refuse_no_model(self.model)
         counts = (self.minimum_horizon, self.prediction_horizon, self.control_horizon)
-        if not all(isinstance(n, int) and n >= 1 for n in counts) or not isinstance(
-            self.delay, int
-        ):
-            return  # refused by what the field allows
+        whole = all(isinstance(count, int) and count >= 1 for count in counts)
+        if not (whole and isinstance(self.delay, int)):
+            return  # the fields' own bounds refuse these
         if self.minimum_horizon > self.prediction_horizon:
             raise ConfigurationError(
                 f"minimum_horizon must be <= prediction_horizon = {self.prediction_horizon}, "
