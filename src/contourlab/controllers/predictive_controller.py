@@ -7,7 +7,9 @@ sum of squares is least, the first of them is given, and all is done again a sam
 Horizons, in samples: outputs count from ``minimum_horizon`` to ``prediction_horizon``, the first
 ``control_horizon`` commands are free, and after them φ P u = 0; with φ = 1 - q⁻¹ and P = 1 the last
 one is kept. A horizon has to cover what the machine does in answer: some 0.1 s on the published
-feed drive.
+feed drive. A command that is kept for long misses a curve, by an error that grows with the square
+of the feed and that weights across the path make larger: free at least half of the commands, or let
+φ = (1 - q⁻¹)² go on at a constant slope.
 
 **The disturbance model decides more than any weight.** D = (1 - q⁻¹)^integrators × A × polynomial
 lists the disturbances that come back for ever. The default, (1 - q⁻¹) A, is that of a force that is
@@ -60,7 +62,7 @@ class PredictiveController(Controller):
 
     model: NominalModel = part()
     prediction_horizon: int = static(minimum=1, default=20)
-    control_horizon: int = static(minimum=1, default=5)
+    control_horizon: int = static(minimum=1, default=10)
     minimum_horizon: int = static(minimum=1, default=1)
     delay: int = static(minimum=0, default=0)
     disturbance_integrators: int = static(minimum=0, default=1)
