@@ -12,6 +12,7 @@ from contourlab.contour_errors import OsculatingCircleEstimator, TangentEstimato
 from contourlab.contours import Ellipse, Line
 from contourlab.controllers import (
     AxisPid,
+    AxisPredictive,
     Cascade,
     CrossCoupled,
     DirectAdaptiveRobust,
@@ -21,6 +22,7 @@ from contourlab.controllers import (
     NaturalLocalTaskFrame,
     NewtonCrossCoupled,
     VariableGainCrossCoupled,
+    PredictiveContouring,
 )
 from contourlab.machines import Drive, Encoder, Machine, RigidAxes
 from contourlab.recordings import Reference
@@ -39,6 +41,7 @@ def pid(model):
     return AxisPid.by_pole_placement(model, 20.0, derivative_cutoff_hz=200.0)
 
 
+HORIZONS = {"prediction_horizon": 16, "control_horizon": 4}
 LAWS = {
     "AxisPid": pid,
     "Cascade": lambda model: Cascade.by_bandwidth(model, 40.0, 60.0),
@@ -74,6 +77,9 @@ LAWS = {
     ),
     "VariableGainCrossCoupled": lambda model: VariableGainCrossCoupled(
         axis=pid(model), kp=2e5, ki=1e6, kd=200.0
+    "AxisPredictive": lambda model: AxisPredictive(model=model, input_weight=1e-14, **HORIZONS),
+    "PredictiveContouring": lambda model: PredictiveContouring(
+        model=model, normal_input_weight=1e-14, tangential_input_weight=1e-13, **HORIZONS
     ),
 }
 MACHINE = stage()

@@ -70,6 +70,7 @@ MACHINES = {
     "position servo": servo,
     "meng": published.meng_xy_stage,
     "meng, simulated": published.meng_simulated_axes,
+    "el khalick": published.el_khalick_feed_drive,
     "iron core": iron_core_stage,
     "machining centre, late": lambda: machining_centre(computing_delay=0.4e-3),
     "identified": identified,
@@ -191,6 +192,8 @@ def test_what_is_assumed_is_said_in_sentences():
     stages = (
         published.meng_xy_stage(),
         published.meng_simulated_axes(),
+        published.el_khalick_feed_drive(),
+        published.el_khalick_feed_drive(n_axes=3),
         ball_screw_stage(),
         linear_motor_stage(),
         machining_centre(),
