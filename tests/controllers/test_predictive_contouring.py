@@ -256,10 +256,10 @@ def test_a_constant_force_leaves_no_error_only_with_the_integrator(free_of_offse
 
 def test_what_was_clipped_is_what_is_remembered():
     """The model beside the machine shows what the machine does, limits or not."""
-    controller = law(form="independent", told=model(limit=3.5))
+    controller = law(form="independent", told=model(limit=20.0))
     reference = circle_reference(rate=0.5, duration=0.5)
-    recording = run(controller, stage(command_limit=3.5), reference=reference)
-    assert np.max(np.abs(recording["command"])) == 3.5
+    recording = run(controller, stage(command_limit=20.0), reference=reference)
+    assert np.max(np.abs(recording["command"])) == 20.0
     assert set(np.asarray(recording["status"])) == {0, 1}
     bound = controller.bind(reference.contour, T)
     samples = make_samples(reference.contour, 101, T, controller.needs, reference=reference)

@@ -94,7 +94,7 @@ def test_the_trajectories_are_those_of_the_paper(speed):
 def test_every_case_is_run_once_and_every_row_finds_its_own():
     todo = list(runs.cases())
     assert len(set(todo)) == len(todo)
-    fine = {case: (1.0, 1.0) for case in todo}
+    fine = dict.fromkeys(todo, (1.0, 1.0))
     for case in todo:
         better = 0.5 if case.weights in (CONTOUR, LOWERED, RAISED) else 1.0
         fine[case] = (better, better)
@@ -108,7 +108,7 @@ def test_every_case_is_run_once_and_every_row_finds_its_own():
     fine[Case("circle", PLAIN, axis=True)] = (3.0, 3.0)
     made = list(all_rows(fine))
     assert {row.verdict for row in made} == {"relation"}
-    worse = {case: (1.0, 1.0) for case in todo}  # nothing falls
+    worse = dict.fromkeys(todo, (1.0, 1.0))  # nothing falls
     claims = [row for row in all_rows(worse) if row.quantity == "fall of the rms"]
     assert {row.verdict for row in claims} == {"differs"}
     assert all(row.reproduced == 0.0 for row in claims)
@@ -122,7 +122,7 @@ def all_rows(found):
 
 
 def test_a_fall_of_the_rms_alone_is_no_relation():
-    found = {case: (1.0, 1.0) for case in runs.cases()}
+    found = dict.fromkeys(runs.cases(), (1.0, 1.0))
     found[Case(weights=CONTOUR)] = (0.5, 1.1)
     claim = [
         row
