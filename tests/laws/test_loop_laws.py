@@ -21,8 +21,8 @@ from contourlab.controllers import (
     IntegratedAdaptiveRobust,
     NaturalLocalTaskFrame,
     NewtonCrossCoupled,
-    VariableGainCrossCoupled,
     PredictiveContouring,
+    VariableGainCrossCoupled,
 )
 from contourlab.machines import Drive, Encoder, Machine, RigidAxes
 from contourlab.recordings import Reference
@@ -51,7 +51,7 @@ LAWS = {
     "CrossCoupled, tangent": lambda model: CrossCoupled(
         axis=pid(model), estimator=TangentEstimator(), kp=2e5, kd=200.0
     ),
-    # what an axis learns of its mass and friction prefers directions: only the disturbance is learned
+    # learning mass and friction of each axis prefers directions: only the disturbance is learned
     "DirectAdaptiveRobust": lambda model: DirectAdaptiveRobust.by_bandwidth(
         model, (15.0, 25.0), uncertainty=0.0, disturbance_limit=100.0
     ),
@@ -77,6 +77,7 @@ LAWS = {
     ),
     "VariableGainCrossCoupled": lambda model: VariableGainCrossCoupled(
         axis=pid(model), kp=2e5, ki=1e6, kd=200.0
+    ),
     "AxisPredictive": lambda model: AxisPredictive(model=model, input_weight=1e-14, **HORIZONS),
     "PredictiveContouring": lambda model: PredictiveContouring(
         model=model, normal_input_weight=1e-14, tangential_input_weight=1e-13, **HORIZONS

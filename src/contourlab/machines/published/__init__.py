@@ -10,6 +10,7 @@ from contourlab.machines.published.meng import (
 )
 
 __all__ = [
+    "el_khalick_feed_drive",
     "ghaffari_three_axes",
     "ghaffari_two_axes",
     "hu_gantry",
@@ -17,4 +18,3 @@ __all__ = [
     "meng_simulated_axes",
     "meng_xy_stage",
 ]
-__all__ = ["el_khalick_feed_drive", "meng_emulated_stage", "meng_simulated_axes", "meng_xy_stage"]
