@@ -37,6 +37,9 @@ class Needs(eqx.Module):
     """Order of the contour derivatives in ``Sample.geometry``; -1 for none."""
     contour: bool = eqx.field(static=True, default=False, kw_only=True)
     """Whether it evaluates the contour itself."""
+    own_time: bool = eqx.field(static=True, default=False, kw_only=True)
+    """Whether the law plans its own time: of the reference it takes the start, it says when it has
+    ``finished``, and reports its place on the contour as ``path_parameter`` in its telemetry."""
     host_synthesis: bool = eqx.field(static=True, default=False, kw_only=True)
     """Whether ``bind`` does work that cannot be traced, such as solving an LMI."""
     tool_map: bool = eqx.field(static=True, default=False, kw_only=True)

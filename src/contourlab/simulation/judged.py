@@ -44,14 +44,15 @@ class Judged:
         Parameters
         ----------
         rows
-            ``tool`` and, if asked for, ``contour_error_estimate``, (lanes, steps, coordinates) [m].
+            ``tool`` and, if asked for, ``contour_error_estimate``, (lanes, steps, coordinates) [m];
+            of a law that plans its own time ``path_parameter``, (lanes, steps).
         valid
             Which of them count, (lanes, steps).
         parameter
             Of the reference, (steps,).
         """
         tool = rows["tool"]
-        near = np.broadcast_to(parameter, valid.shape)
+        near = rows.get("path_parameter", np.broadcast_to(parameter, valid.shape))
         if valid.all():
             points = tool.reshape(-1, tool.shape[-1])
             feet = foot_point(self.contour, points, near=near.reshape(-1))

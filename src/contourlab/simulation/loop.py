@@ -35,11 +35,14 @@ __all__ = [
     "geometry_rows",
     "outputs_of",
     "run_chunk",
+    "run_length",
     "split",
 ]
 
 DIVERGED_FACTOR = 10.0
 CHUNKS = (256, 1024, 4096, 16384)
+OWN_TIME = 4
+"""How much longer than its reference a law that plans its own time may take."""
 
 
 class Carry(eqx.Module):
@@ -74,7 +77,24 @@ def chunk_size(n_samples: int) -> int:
     return max((size for size in CHUNKS if size <= n_samples), default=CHUNKS[0])
 
 
-def split(reference: Reference, size: int, preview: int) -> list[ReferencePoint]:
+def run_length(reference: Reference, needs: Needs) -> int:
+    """Return how many samples a run may take: those of its reference.
+
+    A law that plans its own time may take :data:`OWN_TIME` times as many.
+
+    Parameters
+    ----------
+    reference
+        The whole record.
+    needs
+        Of the law.
+    """
+    return reference.n_samples * (OWN_TIME if needs.own_time else 1)
+
+
+def split(
+    reference: Reference, size: int, preview: int, length: int | None = None
+) -> list[ReferencePoint]:
     """Return a reference in chunks of ``size + preview`` rows, padded with its rest point.
 
     Parameters
@@ -85,10 +105,12 @@ def split(reference: Reference, size: int, preview: int) -> list[ReferencePoint]
         Steps per chunk.
     preview
         Rows ahead.
+    length
+        Samples of the run, not fewer than the reference has; as many if not given.
     """
-    n = reference.n_samples
-    n_chunks = -(-n // size)
-    padding = n_chunks * size + preview - n
+    length = reference.n_samples if length is None else length
+    n_chunks = -(-length // size)
+    padding = n_chunks * size + preview - reference.n_samples
 
     def padded(rows: Any, rest: Any) -> Any:
         rows = np.asarray(rows)

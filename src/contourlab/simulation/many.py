@@ -33,6 +33,7 @@ from contourlab.simulation.loop import (
     first_carry,
     geometry_rows,
     run_chunk,
+    run_length,
     split,
 )
 from contourlab.simulation.run import loop_reach
@@ -136,7 +137,7 @@ def simulate_many(
         if name not in RECORDABLE:
             raise RecordingError(f"cannot record {name!r}; {choices(name, RECORDABLE)}")
     in_axes = mapped_axes(loop, batched)
-    n, size = reference.n_samples, chunk_size(reference.n_samples)
+    n, size = run_length(reference, needs), chunk_size(reference.n_samples)
     if lanes * size > 2**22:
         size = 256
     reach = loop_reach(reference)
@@ -150,7 +151,8 @@ def simulate_many(
     streams |= {"contour_error_estimate"} if ESTIMATE & set(wanted) else set()
     carry: Any = None
     kept: list[dict[str, Any]] = []
-    chunks = split(reference, size, needs.preview)
+    streams |= {"path_parameter"} if judge and needs.own_time else set()
+    chunks = split(reference, size, needs.preview, n)
     for number, points in enumerate(chunks):
         if carry is None:
             carry = _first(batched, reference.contour, points, keys, sample_time,
@@ -172,7 +174,7 @@ def simulate_many(
             progress((number + 1) / len(chunks))
         if bool(np.all(np.asarray(end_step(carry[0], np.int32(n))) <= (number + 1) * size)):
             break
-    return _dataset(machine, reference, values, carry, wanted, kept, n, judged)
+    return _dataset(machine, reference, values, carry, wanted, kept, n, judged, needs)
 
 
 def _wanted_metrics(
@@ -250,7 +252,11 @@ def _chunk(
         step = before.step + jnp.arange(n_steps, dtype=jnp.int32)
         valid = step < end_step(after, n_samples)
         signals = dict(out)
-        signals["tracking_error"] = here.position - out["actual"]
+        wanted_at = here.position
+        if needs.own_time:
+            signals["path_parameter"] = out["telemetry"]["path_parameter"]
+            wanted_at = jax.vmap(contour.position)(signals["path_parameter"])
+        signals["tracking_error"] = wanted_at - out["actual"]
         if "tool" in record:
             signals["tool"] = jax.vmap(machine.tool.tool_from_axes)(out["actual"])
         if "contour_error_estimate" in record:
@@ -293,7 +299,7 @@ def _reduce(
 
 def _dataset(
     machine: Machine, reference: Reference, values: Mapping[str, Any], carry: Any,
-    wanted: tuple[str, ...], kept: list[dict[str, Any]], n: int, judged: Judged,
+    wanted: tuple[str, ...], kept: list[dict[str, Any]], n: int, judged: Judged, needs: Needs,
 ) -> xr.Dataset:  # fmt: skip
     import xarray as xr
 
@@ -313,6 +319,9 @@ def _dataset(
     for name in wanted:
         if name == "cycle_time":
             result = (np.asarray(end_step(state, np.int32(n))) - 1) * sample_time
+            done = np.asarray(state.finished_step)
+            if needs.own_time:  # a lane that has not arrived has no cycle time
+                result = np.where((done >= 0) & (done < n), result, np.nan)
         elif name in maxima:
             result = np.asarray(maxima[name])
         else:

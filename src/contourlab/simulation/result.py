@@ -26,7 +26,7 @@ def build_recording(
     machine: Machine, controller: Controller, law: BoundController,
     reference: Reference, values: dict[str, NDArray[Any]],
     disturbances: tuple[Disturbance, ...], seed: int, scenario: str, name: str,
-    diverged: int, axis: int,
+    diverged: int, axis: int, *, late: bool = False,
 ) -> Recording:  # fmt: skip
     """Return what happened as a recording, judged by the exact contour error.
 
@@ -38,15 +38,21 @@ def build_recording(
         Outputs of the loop, cut where the run ended.
     diverged, axis
         Row and axis at which it diverged, -1 if it did not.
+    late
+        Whether a law that plans its own time has not arrived.
     """
     import xarray as xr
 
     n = len(values["actual"])
     actual = values["actual"]
     tool = np.asarray(jax.vmap(machine.tool.tool_from_axes)(actual))
-    parameter = np.asarray(reference.parameter)[:n]
+    if controller.needs.own_time:  # its reference is where it is on the contour by its own plan
+        parameter = np.asarray(values["telemetry.path_parameter"])
+        wanted = np.asarray(jax.jit(jax.vmap(reference.contour.position))(parameter))
+    else:
+        parameter = np.asarray(reference.parameter)[:n]
+        wanted = np.asarray(reference.position)[:n]
     foot = foot_point(reference.contour, tool, near=parameter)
-    wanted = np.asarray(reference.position)[:n]
     unit = COMMAND_UNITS[machine.command]
     planar = reference.contour.n_axes == 2
     same = machine.tool.n_coordinates is None
@@ -105,6 +111,11 @@ def build_recording(
             "outcome": outcome, "diverged_at": when, "diverged_axis": machine.names[axis]
         }  # fmt: skip
         warnings.append(f"the run {outcome}: it was stopped there and has no figures")
+    if late:
+        seconds = n * float(np.asarray(reference.sample_time))
+        warnings.append(f"the law had not arrived at the end of the contour after {seconds:.4g} s")
+        if attributes["outcome"] == "normal":
+            attributes["outcome"] = "not arrived"
     abnormal = np.unique(values["status"][values["status"] != 0])
     for number in abnormal:
         share = float(np.mean(values["status"] == number))

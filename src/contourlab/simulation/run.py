@@ -32,6 +32,7 @@ from contourlab.simulation.loop import (
     geometry_rows,
     outputs_of,
     run_chunk,
+    run_length,
     split,
 )
 from contourlab.simulation.result import build_recording
@@ -55,7 +56,9 @@ def simulate(
     """Run one closed loop and return its recording, judged by the exact contour error.
 
     The machine starts at rest at the first reference point. Row k of the recording is the state at
-    t_k and the command that the law gave there.
+    t_k and the command that the law gave there. A law that plans its own time ends the run when it
+    has arrived, before the reference ends or after; its reference is then the place on the contour
+    where it is by its own plan.
 
     Parameters
     ----------
@@ -96,12 +99,12 @@ def simulate(
     needs = controller.needs
     bound_machine = machine.bind(reference.sample_time)
     law = controller.bind(reference.contour, reference.sample_time)
-    n, size = reference.n_samples, chunk_size(reference.n_samples)
+    n, size = run_length(reference, needs), chunk_size(reference.n_samples)
     reach = loop_reach(reference)
     key = jax.random.key(seed)
     carry: Carry | None = None
     parts: list[dict[str, NDArray[Any]]] = []
-    for number, points in enumerate(split(reference, size, needs.preview)):
+    for number, points in enumerate(split(reference, size, needs.preview, n)):
         if carry is None:
             carry = _start(bound_machine, law, reference.contour, points, key, needs)
         carry, out = _advance(
@@ -118,15 +121,17 @@ def simulate(
     diverged = int(carry.diverged_step)
     axis = -1
     if 0 <= diverged < n:
-        error = np.abs(values["actual"][diverged] - np.asarray(reference.position)[diverged])
+        row = min(diverged, reference.n_samples - 1)
+        error = np.abs(values["actual"][diverged] - np.asarray(reference.position)[row])
         axis = int(np.argmax(np.where(np.isfinite(error), error, np.inf)))
         # at least one row stays: the first, which is the reference's own start
         values = {key: rows[: max(diverged, 1)] for key, rows in values.items()}
-    elif int(carry.finished_step) >= 0:
+    elif 0 <= int(carry.finished_step) < n:
         values = {key: rows[: int(carry.finished_step) + 1] for key, rows in values.items()}
     return build_recording(
         machine, controller, law, reference, values, disturbances, seed, scenario,
         name or snake_case(type(controller).__name__), diverged if axis >= 0 else -1, axis,
+        late=needs.own_time and axis < 0 and not 0 <= int(carry.finished_step) < n,
     )  # fmt: skip
 
 
