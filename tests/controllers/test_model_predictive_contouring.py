@@ -1,0 +1,437 @@
+"""Predictive contouring: what it predicts, its limits, its stop, its safe behaviour, refusals."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import contourlab as cl
+from contourlab.contours import Circle, FigureEight, Helix, Line, Path
+from contourlab.controllers import ModelPredictiveContouring
+from contourlab.controllers.model_predictive_contouring_axes import Observed, held_axes, observer
+from contourlab.controllers.model_predictive_contouring_path import progress_path
+from contourlab.controllers.model_predictive_contouring_speed import safe_speed
+from contourlab.controllers.quadratic_program import solve_program
+from contourlab.errors import ConfigurationError, RefusedError
+from contourlab.machines import Drive, Encoder, Friction, Machine, RigidAxes
+from contourlab.machines.base import NominalModel
+from contourlab.testing.controllers import check_controller
+
+T = 5e-3
+A, B = 6.199371872, 0.02227943465  # 1/s and m/s² per V, of a feed drive with ball screws
+EIGHT = FigureEight(half_sizes=(5e-3, 5e-3), rotation=np.pi, start_angle=-0.5 * np.pi)
+
+
+def drive(n=2, *, limit=20.0, friction=0.1):
+    dry = Friction(coulomb=friction, smoothing_velocity=1e-6) if friction else None
+    return Machine(
+        names=("X", "Y", "Z")[:n],
+        dynamics=RigidAxes(mass=1.0 / B, viscous=A / B, friction=dry),
+        drive=Drive(command="voltage", command_limit=limit),
+        sensor=Encoder(),
+        substeps=20,
+    )
+
+
+def law(machine, **changes):
+    fields = {"speed_limit": 0.03, "horizon": 16}  # which covers a stop
+    return ModelPredictiveContouring(model=machine.nominal, **(fields | changes))
+
+
+def run(machine, controller, contour=EIGHT, feed=0.03):
+    return cl.simulate(
+        machine, controller, cl.feedrate.constant_feed(contour, feed=feed, sample_time=T)
+    )
+
+
+def limited(machine, **changes):
+    """With limits that matter and can be held: 0.03 m/s stop in less than the horizon."""
+    fields = {"speed_limit": 0.03, "velocity_limit": (0.018, 0.027), "acceleration_limit": 0.35}
+    return law(machine, horizon=20, **(fields | changes))
+
+
+@pytest.fixture(scope="module")
+def around():
+    """Once around the figure of eight, limits on everything."""
+    machine = drive()
+    return run(machine, limited(machine))
+
+
+# -- the closed loop --------------------------------------------------------------------------
+
+
+def test_it_plans_its_own_speed_holds_the_path_and_arrives(around):
+    assert around.status == "normal"
+    # the length over the mean of a speed limit that the axes' limits do not let it reach
+    assert 0.047 / 0.03 < around.metrics["cycle_time"] < 2.6
+    assert around.metrics["contour_error_max"] < 5e-6
+    end = np.asarray(around["actual"])[-1]
+    assert_allclose(end, EIGHT.position(2.0 * np.pi), atol=1e-5)
+    assert float(around["path_speed"][-1]) < 1e-3
+
+
+def test_its_estimate_is_the_exact_contour_error(around):
+    assert around.metrics["estimate_error_max"] < 0.1 * around.metrics["contour_error_max"]
+
+
+def test_it_is_judged_where_it_is_and_not_where_the_reference_is(around):
+    # the figure of eight crosses itself: the nearest point there is on the other branch
+    assert_allclose(
+        np.asarray(around["foot_parameter"]), np.asarray(around["path_parameter"]), atol=2e-3
+    )
+    assert around.metrics["tracking_error_max"] < 5e-5
+
+
+def test_limits_hold(around):
+    velocity = np.diff(np.asarray(around["actual"]), axis=0) / T
+    # means over samples of velocities that hold at the samples; friction is not known exactly
+    assert np.all(np.max(np.abs(velocity), axis=0) <= np.array([0.018, 0.027]) * 1.001)
+    assert np.max(np.abs(velocity), axis=0)[0] > 0.0179  # and they are used
+    acceleration = np.diff(velocity, axis=0) / T
+    assert np.max(np.abs(acceleration)) <= 0.35 * 1.01
+    assert np.max(np.abs(np.asarray(around["command"]))) <= 20.0
+
+
+def test_a_step_limit_holds_and_it_stops_at_the_end_without_passing_it():
+    machine = drive(friction=0.0)
+    line = Line(start=(0.0, 0.0), end=(0.02, 0.01))
+    recording = run(machine, law(machine, command_step_limit=8.0), line)
+    along = np.asarray(recording["actual"]) @ np.array([2.0, 1.0]) / np.sqrt(5.0)
+    assert np.max(along) <= float(line.length) + 1e-6
+    command = np.concatenate([np.zeros((1, 2)), np.asarray(recording["command"])])
+    steps = np.max(np.abs(np.diff(command, axis=0)))
+    assert 7.99 < steps <= 8.0
+    assert recording.status == "normal"
+
+
+def test_a_corner_is_rounded_less_the_more_errors_weigh():
+    machine = drive(friction=0.0)
+    path = Path.polyline(np.array([[0.0, 0.0], [0.01, 0.0], [0.01, 0.008]]))
+    errors, times = [], []
+    for weight in (1e8, 1e10):
+        found = run(machine, law(machine, contour_weight=weight, lag_weight=weight), path)
+        assert found.status == "normal"
+        errors.append(found.metrics["contour_error_max"])
+        times.append(found.metrics["cycle_time"])
+    assert errors[1] < 0.5 * errors[0]
+    assert times[1] >= times[0]
+    assert errors[0] < 1e-3
+
+
+def test_a_bound_on_the_contour_error_is_kept_and_costs_time():
+    machine = drive(friction=0.0)
+    path = Path.polyline(np.array([[0.0, 0.0], [0.01, 0.0], [0.01, 0.008]]))
+    light = {"contour_weight": 1e7, "lag_weight": 1e7}
+    free = run(machine, law(machine, **light), path)
+    bound = run(machine, law(machine, contour_error_limit=2e-5, **light), path)
+    assert free.metrics["contour_error_max"] > 9e-5
+    # the bound is of the plan, and the model is exact here
+    assert 1.98e-5 < bound.metrics["contour_error_max"] < 2.002e-5
+    assert bound.metrics["cycle_time"] > free.metrics["cycle_time"]
+    assert not np.any(np.asarray(bound["status"]))
+
+
+def test_it_follows_a_helix_in_three_axes():
+    machine = drive(3)
+    helix = Helix(radius=5e-3, pitch=2e-3, turns=1.0)
+    recording = run(machine, law(machine), helix)
+    assert recording.status == "normal"
+    assert recording.metrics["contour_error_max"] < 5e-6
+    assert_allclose(np.asarray(recording["actual"])[-1], helix.position(helix.domain[1]), atol=1e-5)
+
+
+def test_a_law_that_does_not_arrive_says_so():
+    machine = drive()
+    slow = limited(machine, speed_limit=1e-3)
+    short = cl.feedrate.constant_feed(EIGHT, feed=0.03, sample_time=T, duration=0.1)
+    recording = cl.simulate(machine, slow, short)
+    assert recording.dataset.sizes["time"] == 4 * short.n_samples
+    assert recording.status == "not arrived"
+    assert any("had not arrived" in warning for warning in recording.warnings)
+
+
+@pytest.mark.slow
+def test_many_runs_are_single_runs():
+    machine = drive(friction=0.0)
+    path = Line(start=(0.0, 0.0), end=(0.004, 0.002))
+    reference = cl.feedrate.constant_feed(path, feed=0.03, sample_time=T)
+    speeds = np.array([0.02, 0.05])
+    batch = cl.simulate_many(
+        machine, law(machine), reference, vary={"controller.speed_limit": speeds},
+        metrics=["contour_error_max", "cycle_time", "tracking_error_max"],
+    )  # fmt: skip
+    for k, speed in enumerate(speeds):
+        alone = cl.simulate(machine, law(machine, speed_limit=speed), reference).metrics
+        assert_allclose(float(batch["cycle_time"][k]), alone["cycle_time"], rtol=1e-12)
+        for name in ("contour_error_max", "tracking_error_max"):
+            assert_allclose(float(batch[name][k]), alone[name], rtol=1e-4, atol=1e-12)
+
+
+# -- what it predicts -------------------------------------------------------------------------
+
+
+def test_held_axes_are_the_paper_s_polynomials():
+    model = drive().nominal
+    axes = held_axes(model, T)
+    # (21) with the digits of the exact hold: y = B / A u
+    assert_allclose(1.0 + axes.velocity_from_velocity, 1.969478618, atol=5e-10)
+    assert_allclose(axes.position_from_command, 2.75637625e-7, rtol=1e-8)
+    later = (
+        axes.position_from_velocity * axes.velocity_from_command
+        - axes.velocity_from_velocity * axes.position_from_command
+    )
+    assert_allclose(later, 2.728043406e-7, rtol=1e-8)
+
+
+@pytest.mark.parametrize("stiffness", [None, np.array([300.0, 500.0])])
+def test_the_observer_finds_a_disturbance_with_its_poles(stiffness):
+    base = drive().nominal
+    model = cl.replace(base, stiffness=stiffness)
+    axes = held_axes(model, T)
+    found = observer(axes, jnp.array([10.0, 20.0]), T)
+    truth = Observed(jnp.array([1e-3, 0.0]), jnp.array([0.01, -0.02]), jnp.array([0.5, -2.0]))
+    zero = jnp.zeros(2)
+    belief = Observed(zero, zero, zero)
+    wrong = []
+    for _ in range(40):
+        now = found.correct(belief, truth.position)
+        wrong.append(np.asarray(truth.disturbance - now.disturbance))
+        belief, truth = found.predict(now, zero), found.predict(truth, zero)
+    # k² p^k: three equal poles; three samples of the error obey the polynomial with the fourth
+    e = np.array(wrong)
+    p = np.exp(-2.0 * np.pi * np.array([10.0, 20.0]) * T)
+    left = e[3:] - 3.0 * p * e[2:-1] + 3.0 * p**2 * e[1:-2] - p**3 * e[:-3]
+    assert_allclose(left, 0.0, atol=1e-9)
+    assert np.max(np.abs(e[-1])) < 0.05 < np.max(np.abs(e[0]))
+
+
+def test_the_path_is_run_over_arc_length():
+    path = progress_path(EIGHT)
+    progress = jnp.linspace(0.0, 0.999 * path.length, 50)
+    parameters = jax.vmap(path.parameter)(progress)
+    # fourth order over 1024 intervals
+    lengths = jax.vmap(path.progress)(parameters)
+    assert_allclose(lengths, progress, atol=1e-8 * float(path.length))
+    assert_allclose(
+        path.parameter(1.25 * path.length), path.parameter(0.25 * path.length) + 2 * np.pi
+    )
+    points, _ = path.points(progress, jnp.zeros((), jnp.int32))
+    turned = jax.vmap(jax.jacfwd(lambda s: EIGHT.frenet(path.parameter(s)).tangent))(progress)
+    assert_allclose(points.bend, turned, atol=1e-4 * float(jnp.max(jnp.abs(points.bend))))
+
+
+def test_the_safe_speed_in_closed_form():
+    a = 0.4
+    circle = Circle(radius=np.array(5e-3), center=np.zeros(2))
+    # a chord of 2π/2048 in place of its arc
+    round_it = safe_speed(progress_path(circle), a)
+    assert_allclose(round_it.everything, a * 5e-3, rtol=1e-6)
+    assert not np.any(np.isfinite(round_it.corners))
+    line = progress_path(Line(start=(0.0, 0.0), end=(0.02, 0.0)))
+    straight = safe_speed(line, a)
+    square, slope = straight.at(straight.everything, 0.015)
+    assert_allclose(square, 2.0 * a * 0.005, rtol=1e-9)
+    assert_allclose(slope, -2.0 * a, rtol=1e-9)
+    bent = Path.polyline(np.array([[0.0, 0.0], [0.01, 0.0], [0.01, 0.008]]))
+    found = safe_speed(progress_path(bent), a)
+    interval = 0.018 / 2048
+    for s in (0.008, 0.012):  # 2 mm before and after the corner: within two intervals
+        assert_allclose(found.at(found.corners, s)[0], 2.0 * a * 0.002, atol=4.0 * a * interval)
+    assert float(found.at(found.corners, 0.01)[0]) < 2.0 * a * interval
+    assert not np.any(np.isfinite(safe_speed(line, np.inf).everything))
+
+
+def test_the_program_is_the_cost_to_first_order():
+    """Its gradient is that of (1) by differences, about a plan with errors along and across."""
+    machine = drive()
+    bound = law(machine, horizon=6).bind(EIGHT, T)
+    planner, path = bound.planner, bound.path
+    rng = np.random.default_rng(1)
+    inputs = jnp.asarray(np.column_stack([rng.normal(size=(6, 2)), 0.03 + 0.01 * rng.random(6)]))
+    before = jnp.asarray([0.5, -0.2, 0.02])
+    zero = jnp.zeros((6, 2))
+    start = EIGHT.position(0.4) + jnp.array([2e-4, -1e-4])
+    velocity, progress = jnp.array([0.01, 0.02]), path.progress(0.42)
+    whole = jnp.zeros((), jnp.int32)
+
+    def cost(inputs):
+        plan = planner.roll_out(start, velocity, progress, inputs, zero)
+        points, _ = path.points(plan.progress[1:], whole)
+        e = points.position - plan.positions[1:]
+        lag = jnp.sum(e * points.tangent, axis=1)
+        across2 = jnp.sum(e**2, axis=1) - lag**2
+        change = jnp.diff(jnp.concatenate([before[None], inputs]), axis=0)
+        w = planner.weights
+        return (
+            w.contour * jnp.sum(across2) + w.lag * jnp.sum(lag**2)
+            - w.reward * jnp.sum(inputs[:, 2]) + jnp.sum(w.change * change**2)
+        )  # fmt: skip
+
+    plan = planner.roll_out(start, velocity, progress, inputs, zero)
+    points, _ = path.points(plan.progress[1:], whole)
+    program = planner.program(plan, points, before, path.length)
+
+    def quadratic(scaled):
+        x, total = program.start, 0.0
+        for j in range(6):
+            y = jnp.concatenate([x, scaled[j]])
+            total += 0.5 * y @ program.hessian[j] @ y + program.gradient[j] @ y
+            x = program.dynamics @ y
+        return total + 0.5 * x @ program.terminal_hessian @ x + program.terminal_gradient @ x
+
+    unit = float(planner.weights.reward * planner.limits.speed)
+    wanted = jax.grad(cost)(inputs) * planner.input_scale / unit
+    found = jax.grad(quadratic)(jnp.zeros((6, 3)))
+    assert_allclose(found, wanted, rtol=1e-7, atol=1e-7 * float(jnp.max(jnp.abs(wanted))))
+
+
+def test_the_program_is_scaled_whatever_the_units():
+    """Commands in mV and a machine in larger units: the same scaled program."""
+    machine = drive()
+    model = machine.nominal
+    other = NominalModel(
+        mass=1e3 * np.asarray(model.mass), viscous=1e3 * np.asarray(model.viscous),
+        coulomb=1e3 * np.asarray(model.coulomb), gain=model.gain,
+        command_limit=1e3 * np.asarray(model.command_limit), command="voltage",
+    )  # fmt: skip
+
+    def found(controller):
+        bound = controller.bind(EIGHT, T)
+        plan = bound.planner.roll_out(
+            EIGHT.position(0.0), jnp.zeros(2), 0.0, jnp.zeros((16, 3)), jnp.zeros((16, 2))
+        )
+        points, _ = bound.path.points(plan.progress[1:], jnp.zeros((), jnp.int32))
+        return bound.planner.program(plan, points, jnp.zeros(3), bound.path.length)
+
+    one = found(law(machine))
+    two = found(ModelPredictiveContouring(
+        model=other, speed_limit=0.03, horizon=16, command_change_weight=1e-10
+    ))  # fmt: skip
+    for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(two), strict=True):
+        assert_allclose(a, b, rtol=1e-9, atol=1e-9)
+    assert float(jnp.max(jnp.abs(one.hessian))) < 1e3
+    assert bool(solve_program(one, jnp.zeros((16, 3))).converged)
+
+
+# -- safe behaviour ---------------------------------------------------------------------------
+
+
+class _Loop:
+    """A few samples of the law by hand, the axes being its own model."""
+
+    def __init__(self, **changes):
+        machine = drive(friction=0.0)
+        self.bound = law(machine, **changes).bind(EIGHT, T)
+        reference = cl.feedrate.constant_feed(EIGHT, feed=0.01, sample_time=T, duration=0.1)
+        needs = law(machine).needs
+        from contourlab.testing.samples import make_samples, sample_at
+
+        self.sample = sample_at(make_samples(EIGHT, 21, T, needs, reference=reference), 0)
+        self.position, self.velocity = EIGHT.position(0.0), jnp.zeros(2)
+        self.state = self.bound.init(self.at(self.position))
+        self.step = jax.jit(lambda bound, state, sample: bound.step(state, sample))
+
+    def at(self, position):
+        import dataclasses
+
+        return dataclasses.replace(self.sample, position=position)
+
+    def run(self, n, measured=None):
+        commands = []
+        for _ in range(n):
+            shown = self.position if measured is None else measured
+            command, self.state = self.step(self.bound, self.state, self.at(shown))
+            axes = self.bound.planner.axes
+            self.position, self.velocity = axes.after(self.position, self.velocity, command)
+            commands.append(np.asarray(command))
+        return np.array(commands)
+
+
+def test_a_lost_measurement_is_replaced_by_the_model():
+    loop = _Loop()
+    loop.run(5)
+    loop.run(3, jnp.array([jnp.nan, 0.0]))
+    assert int(loop.bound.status(loop.state)) == 2
+    commands = loop.run(3)
+    assert np.all(np.isfinite(commands))
+    assert int(loop.bound.status(loop.state)) == 0
+    error = loop.bound.telemetry(loop.state)["contour_error_estimate"]
+    assert float(jnp.max(jnp.abs(error))) < 1e-6
+
+
+def test_without_a_solution_the_last_plan_goes_on_and_brakes():
+    loop = _Loop()
+    loop.run(20)
+    planned = np.asarray(loop.state.inputs)
+    speed = float(jnp.sqrt(jnp.sum(loop.velocity**2)))
+    loop.bound = cl.replace(loop.bound, max_iterations=1)  # never enough
+    commands = loop.run(10)
+    assert int(loop.bound.status(loop.state)) == 3
+    assert_allclose(commands, planned[:10, :2], atol=1e-9)
+    loop.run(60)
+    # the plan is used up: braking stopped the axes
+    assert speed > 0.01
+    assert float(jnp.max(jnp.abs(loop.velocity))) < 1e-3
+
+
+def test_a_start_beyond_a_limit_is_recorded_and_left():
+    loop = _Loop(velocity_limit=0.02, friction_compensation=0.0)
+    loop.velocity = jnp.array([0.03, 0.0])
+    state = loop.state
+    observed = Observed(state.observed.position, loop.velocity, state.observed.disturbance)
+    loop.state = state._replace(observed=observed)
+    loop.run(1)
+    assert int(loop.bound.status(loop.state)) == 1
+    loop.run(30)
+    assert int(loop.bound.status(loop.state)) == 0
+    assert float(jnp.max(jnp.abs(loop.velocity))) < 0.0201
+
+
+def test_nothing_in_a_step_needs_lapack():
+    loop = _Loop()
+    text = str(jax.make_jaxpr(lambda s, x: loop.bound.step(s, x))(loop.state, loop.sample))
+    for name in ("cholesky", "lu", "triangular_solve", "custom_linear_solve", "eigh", "svd"):
+        assert f" {name}[" not in text
+
+
+# -- the contract -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"speed_limit": 0.0}, "speed_limit must be > 0"),
+        ({"horizon": 1}, "horizon must be a whole number >= 2"),
+        ({"contour_weight": -1.0}, "contour_weight must be > 0"),
+        ({"progress_reward": 0.0}, "progress_reward must be > 0"),
+        ({"velocity_limit": -0.1}, "velocity_limit must be > 0"),
+        ({"braking_share": 1.5}, "braking_share must be <= 1"),
+        ({"max_iterations": 0}, "max_iterations must be"),
+    ],
+)
+def test_bad_settings_are_refused(changes, message):
+    with pytest.raises(ConfigurationError, match=message):
+        law(drive(), **changes)
+
+
+def test_what_it_cannot_take_is_refused():
+    machine = drive()
+    with pytest.raises(RefusedError, match="one axis for each coordinate"):
+        law(machine).bind(Helix(radius=5e-3, pitch=2e-3, turns=1.0), T)
+    with pytest.raises(ConfigurationError, match="one for each of the 2 axes"):
+        law(machine, velocity_limit=(1.0, 1.0, 1.0)).bind(EIGHT, T)
+    model = machine.nominal
+    with pytest.raises(RefusedError, match="closes the position loop itself"):
+        ModelPredictiveContouring(model=cl.replace(model, command="position"), speed_limit=0.1)
+
+
+@pytest.mark.slow
+def test_conformance():
+    machine = drive()
+    controller = law(
+        machine, horizon=6, velocity_limit=0.05, acceleration_limit=0.4, command_step_limit=5.0,
+        contour_error_limit=5e-5,
+    )  # fmt: skip
+    circle = Circle(radius=np.array(5e-3), center=np.array([0.01, -0.005]))
+    check_controller(controller, contour=circle, sample_time=T, inert={"arrival_tolerance"})
