@@ -25,10 +25,10 @@ from contourlab.controllers.frames import (
 from contourlab.controllers.integral_sliding_mode import IntegralSlidingMode
 from contourlab.controllers.integrated_adaptive_robust import IntegratedAdaptiveRobust
 from contourlab.controllers.least_squares import BoundLeastSquares, FilteredLeastSquares
-from contourlab.controllers.frames import FrameMotion, LocalTaskFrame
 from contourlab.controllers.model_predictive_contouring import (
     BoundModelPredictiveContouring,
     ModelPredictiveContouring,
+)
 from contourlab.controllers.natural_local_task_frame import NaturalLocalTaskFrame
 from contourlab.controllers.newton_cross_coupled import NewtonCrossCoupled
 from contourlab.controllers.parameter_bounds import parameter_bounds
@@ -43,8 +43,8 @@ __all__ = [
     "BoundAxisController",
     "BoundController",
     "BoundLeastSquares",
-    "BoundTaskFrame",
     "BoundModelPredictiveContouring",
+    "BoundTaskFrame",
     "BoundTaskFrameController",
     "Cascade",
     "Controller",
