@@ -93,6 +93,8 @@ def test_no_law_is_left_out():
         if isinstance(getattr(controllers, name), type)
         and issubclass(getattr(controllers, name), controllers.Controller)
         and name not in ("Controller", "AxisController", "TaskFrameController")
+        # plans its own time, which the laws here take from the reference; see its own tests
+        and name != "ModelPredictiveContouring"
     }
     assert concrete == {name.partition(",")[0] for name in LAWS}
 
