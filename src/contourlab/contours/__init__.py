@@ -14,6 +14,7 @@ from contourlab.contours.blending import (
 from contourlab.contours.bspline import BSpline
 from contourlab.contours.cad import read_dxf, read_svg
 from contourlab.contours.circle import Arc, Circle
+from contourlab.contours.combined import combined
 from contourlab.contours.ellipse import Ellipse
 from contourlab.contours.figure_eight import FigureEight
 from contourlab.contours.foot_points import FootPoint, foot_point, local_foot, tied_parameter
@@ -89,6 +90,7 @@ __all__ = [
     "begin_frame",
     "blend_corners",
     "blend_part",
+    "combined",
     "curvature_derivatives",
     "foot_point",
     "implicit_form",

@@ -31,6 +31,7 @@ from contourlab.machines.examples import (
 )
 from contourlab.machines.friction import Friction
 from contourlab.machines.geometric_errors import GeometricErrors, PositionError, Squareness
+from contourlab.machines.input_friction import InputFriction
 from contourlab.machines.lagged import LaggedAxes
 from contourlab.machines.machine import BoundMachine, Machine, MachineState
 from contourlab.machines.presliding import PreslidingAxes
@@ -54,6 +55,7 @@ __all__ = [
     "Friction",
     "GeometricErrors",
     "IdentityTool",
+    "InputFriction",
     "LaggedAxes",
     "LinearModel",
     "LinearTool",

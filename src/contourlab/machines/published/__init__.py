@@ -1,5 +1,10 @@
 """Machines of published papers, one file each, with what the source leaves open."""
 
+from contourlab.machines.published.cao_zhang import (
+    cao_zhang_emulated_stage,
+    cao_zhang_stage,
+    cao_zhang_stage_and_scanner,
+)
 from contourlab.machines.published.el_khalick import el_khalick_feed_drive
 from contourlab.machines.published.ghaffari import ghaffari_three_axes, ghaffari_two_axes
 from contourlab.machines.published.hu import hu_gantry
@@ -10,6 +15,9 @@ from contourlab.machines.published.meng import (
 )
 
 __all__ = [
+    "cao_zhang_emulated_stage",
+    "cao_zhang_stage",
+    "cao_zhang_stage_and_scanner",
     "el_khalick_feed_drive",
     "ghaffari_three_axes",
     "ghaffari_two_axes",
