@@ -24,6 +24,7 @@ from contourlab.controllers.frames import (
 )
 from contourlab.controllers.integral_sliding_mode import IntegralSlidingMode
 from contourlab.controllers.integrated_adaptive_robust import IntegratedAdaptiveRobust
+from contourlab.controllers.internal_model_contouring import InternalModelContouring
 from contourlab.controllers.least_squares import BoundLeastSquares, FilteredLeastSquares
 from contourlab.controllers.model_predictive_contouring import (
     BoundModelPredictiveContouring,
@@ -32,6 +33,7 @@ from contourlab.controllers.model_predictive_contouring import (
 from contourlab.controllers.natural_local_task_frame import NaturalLocalTaskFrame
 from contourlab.controllers.newton_cross_coupled import NewtonCrossCoupled
 from contourlab.controllers.parameter_bounds import parameter_bounds
+from contourlab.controllers.position_domain_pid import PositionDomainPid
 from contourlab.controllers.predictive_contouring import PredictiveContouring
 from contourlab.controllers.task_frame import BoundTaskFrameController, TaskFrameController
 from contourlab.controllers.variable_gain_cross_coupled import VariableGainCrossCoupled
@@ -57,11 +59,13 @@ __all__ = [
     "GlobalTaskFrame",
     "IntegralSlidingMode",
     "IntegratedAdaptiveRobust",
+    "InternalModelContouring",
     "LocalTaskFrame",
     "ModelPredictiveContouring",
     "NaturalLocalTaskFrame",
     "Needs",
     "NewtonCrossCoupled",
+    "PositionDomainPid",
     "PredictiveContouring",
     "ReferenceFrame",
     "TaskCoordinates",

@@ -45,6 +45,9 @@ class Needs(eqx.Module):
     tool_map: bool = eqx.field(static=True, default=False, kw_only=True)
     """Whether the law takes account of the machine's tool map. One that does not takes axis
     positions for those of the tool, and is refused where they differ."""
+    axes_path: bool = eqx.field(static=True, default=False, kw_only=True)
+    """Whether the law takes the path in the space of the axes. On a machine with a tool map the
+    contour must then be one of ``contours.combined``, made with that map."""
 
     def __check_init__(self) -> None:
         if self.command not in COMMAND_KINDS:

@@ -8,6 +8,7 @@ import jax
 import numpy as np
 
 from contourlab.configuration import snake_case
+from contourlab.contours.combined import CombinedAxes
 from contourlab.controllers.base import Controller
 from contourlab.errors import RefusedError, SimulationError, TravelError
 from contourlab.feedrate import Plan
@@ -66,13 +67,42 @@ def check_loop(machine: Machine, controller: Controller, reference: Reference) -
             f"the contour has {reference.contour.n_axes} coordinates, the tool has {coordinates}"
         )
     if not isinstance(machine.tool, IdentityTool):
-        if not controller.needs.tool_map:
+        if controller.needs.axes_path:
+            _check_axes_path(law, machine, reference)
+        elif not controller.needs.tool_map:
+            redundant = (
+                f": {machine.n_axes} axes share {coordinates} coordinates, and a law that corrects "
+                "the tool point by axis directions does not say how they would share the correction"
+                if machine.n_axes > coordinates
+                else ""
+            )
             raise RefusedError(
                 f"{law} takes no account of a tool map, and this machine's tool is a "
-                f"{type(machine.tool).__name__}"
+                f"{type(machine.tool).__name__}{redundant}"
             )
         _check_tool(machine, reference)
     check_travel(machine, reference)
+
+
+def _check_axes_path(law: str, machine: Machine, reference: Reference) -> None:
+    """Raise RefusedError unless the contour is a path in axes behind the machine's tool map."""
+    contour = reference.contour
+    if not isinstance(contour, CombinedAxes):
+        raise RefusedError(
+            f"{law} takes the path in the space of the axes, and this machine's tool is a "
+            f"{type(machine.tool).__name__}: give the reference a contour of "
+            "contours.combined(path_of_axes, tool_matrix)"
+        )
+    eye = np.eye(machine.n_axes)
+    map_columns = jax.vmap(machine.tool.tool_from_axes)(eye)
+    origin = np.asarray(machine.tool.tool_from_axes(np.zeros(machine.n_axes)))
+    if not (
+        np.allclose(np.asarray(map_columns).T, contour.matrix, rtol=0.0, atol=1e-12)
+        and not origin.any()
+    ):
+        raise RefusedError(
+            f"{law}: the contour combines the axes in another way than the machine's tool map"
+        )
 
 
 def _check_tool(machine: Machine, reference: Reference) -> None:

@@ -1,0 +1,150 @@
+"""From the fields of :class:`InternalModelContouring` to the numbers of the bound law, checked."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from contourlab.configuration import is_concrete
+from contourlab.controllers.pulse_model import PulseModel
+from contourlab.controllers.stabiliser import design_stabiliser
+from contourlab.errors import ConfigurationError, RefusedError
+from contourlab.typing import Scalar
+
+if TYPE_CHECKING:
+    from contourlab.controllers.internal_model_contouring import InternalModelContouring
+
+__all__ = ["bound_model", "bound_stabiliser", "check_fields"]
+
+ON_CIRCLE = 1e-6
+"""How near to the unit circle a zero of an axis may come."""
+
+
+def check_fields(law: InternalModelContouring) -> None:
+    """Raise ConfigurationError if fields that go together are not given together.
+
+    Parameters
+    ----------
+    law
+        The configuration.
+    """
+    identified = {
+        name: getattr(law, name) for name in ("numerator", "denominator", "identified_at")
+    }
+    missing = [name for name, value in identified.items() if value is None]
+    if missing and len(missing) < 3:
+        raise ConfigurationError(
+            "an identified model needs numerator, denominator and identified_at, "
+            f"{', '.join(missing)} not given"
+        )
+    if not missing:
+        shapes = {np.shape(identified[name]) for name in ("numerator", "denominator")}
+        shape = next(iter(shapes))
+        if len(shapes) > 1 or len(shape) != 2 or shape[0] != law.axis.n_axes or shape[1] < 2:
+            raise ConfigurationError(
+                f"numerator and denominator must have one shape, ({law.axis.n_axes}, n) with "
+                f"n >= 2, got {np.shape(law.numerator)} and {np.shape(law.denominator)}"
+            )
+    if law.disturbance_frequencies_hz is not None and law.disturbance_observer_hz is None:
+        raise ConfigurationError(
+            "disturbance_frequencies_hz goes with disturbance_observer_hz, which is not given"
+        )
+    if law.disturbance_frequencies_hz is not None and np.ndim(law.disturbance_frequencies_hz) != 1:
+        raise ConfigurationError(
+            "disturbance_frequencies_hz must be a list, got shape "
+            f"{np.shape(law.disturbance_frequencies_hz)}"
+        )
+
+
+def bound_model(law: InternalModelContouring, sample_time: Scalar) -> PulseModel:
+    """Return the pulse transfer functions of all axes at a sample time.
+
+    Parameters
+    ----------
+    law
+        The configuration.
+    sample_time
+        T [s].
+
+    Raises
+    ------
+    ConfigurationError
+        An identified model of another sample time.
+    RefusedError
+        A zero on or outside the unit circle, or a command that acts a sample late.
+    """
+    if law.numerator is None or law.denominator is None or law.identified_at is None:
+        model = PulseModel.of_model(law.axis.model, sample_time)
+    else:
+        period = float(np.asarray(law.identified_at))
+        if abs(float(np.asarray(sample_time)) - period) > 1e-9 * period:
+            raise ConfigurationError(
+                f"the pulse transfer functions were identified at {period:g} s and hold there "
+                f"only, the loop runs at {float(np.asarray(sample_time)):g} s"
+            )
+        model = PulseModel(denominator=law.denominator, numerator=law.numerator)
+    if not is_concrete(model.numerator):
+        return model
+    for axis, b in enumerate(np.asarray(model.numerator)):
+        if not abs(b[0]) > 1e-9 * np.max(np.abs(b)):
+            raise RefusedError(
+                f"axis {axis} answers to a command two samples later or more (b_1 = {b[0]:.3g}): "
+                "the internal model looks one sample ahead only"
+            )
+        zeros = np.roots(b)
+        if zeros.size and np.max(np.abs(zeros)) > 1.0 - ON_CIRCLE:
+            worst = zeros[int(np.argmax(np.abs(zeros)))]
+            raise RefusedError(
+                f"the internal model inverts the zeros of an axis, and axis {axis} has one at "
+                f"{worst:.6g}, on or outside the unit circle. Sampled models have such a zero "
+                "where three or more integrations or lags stand in a row; leave the fast lag out "
+                "of the model, or sample more slowly"
+            )
+    return model
+
+
+def bound_stabiliser(law: InternalModelContouring, model: PulseModel) -> dict[str, Any]:
+    """Return the gains of the slaves and what they are certified for.
+
+    Parameters
+    ----------
+    law
+        The configuration.
+    model
+        Of the slaves.
+
+    Raises
+    ------
+    ConfigurationError
+        A gain of another shape, or no solver.
+    RefusedError
+        No gain is certified.
+    """
+    n_slaves, order = np.shape(model.numerator)
+    if law.stabiliser_gain is not None:
+        gain = np.asarray(law.stabiliser_gain)
+        if gain.shape not in ((order,), (n_slaves, order)):
+            raise ConfigurationError(
+                f"stabiliser_gain must have {order} values for each of the {n_slaves} slaves, or "
+                f"{order} for all, got shape {gain.shape}"
+            )
+        spread = np.broadcast_to(gain, (2, n_slaves, order)).copy()
+        none = np.full(n_slaves, -2.0)
+        return {
+            "gain": spread, "low": none, "high": none.copy(),
+            "half_width": np.full(n_slaves, np.inf), "certificate": np.zeros(n_slaves),
+        }  # fmt: skip
+    designs = [
+        design_stabiliser(
+            b, half_width=float(np.asarray(law.stabiliser_range)),
+            decay=float(np.asarray(law.stabiliser_decay)),
+        )
+        for b in np.asarray(model.numerator)
+    ]  # fmt: skip
+    return {
+        "gain": np.stack([d.gain for d in designs], 1),
+        "low": np.array([d.low for d in designs]), "high": np.array([d.high for d in designs]),
+        "half_width": np.array([d.half_width for d in designs]),
+        "certificate": np.array([d.margin for d in designs]),
+    }  # fmt: skip
