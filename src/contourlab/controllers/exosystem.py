@@ -46,8 +46,11 @@ the second signal. The coefficients in closed form, with their time indices.
 
 from __future__ import annotations
 
+from typing import Any
+
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import NDArray
 
 from contourlab.typing import Array, Vector
 
@@ -121,7 +124,7 @@ def alpha_2(f: Array, g: Array) -> Vector:
     return jnp.where(well, ratio * jnp.sin(second) / jnp.where(well, sine, 1.0), 1.0)  # (A2)
 
 
-def turning(f: Array, f_slope: Array, g: Array, g_slope: Array) -> Vector:
+def turning(f: Any, f_slope: Any, g: Any, g_slope: Any) -> NDArray[Any]:
     """Return how well w turns: the least of |f g' - f' g| along a path, made comparable.
 
     0 is singular somewhere; 1 is the steady turn of [sin p; cos p]. Each signal is measured in its
@@ -132,10 +135,10 @@ def turning(f: Array, f_slope: Array, g: Array, g_slope: Array) -> Vector:
     f, f_slope, g, g_slope
         The signals and their slopes over the parameter, shape (n_points, n).
     """
-    size_f, size_g = jnp.max(jnp.abs(f), 0), jnp.max(jnp.abs(g), 0)
-    rate_f, rate_g = jnp.max(jnp.abs(f_slope), 0), jnp.max(jnp.abs(g_slope), 0)
+    size_f, size_g = np.max(np.abs(f), 0), np.max(np.abs(g), 0)
+    rate_f, rate_g = np.max(np.abs(f_slope), 0), np.max(np.abs(g_slope), 0)
     wronskian = f * g_slope - f_slope * g
-    size = jnp.maximum(size_f * rate_g, size_g * rate_f)
-    one_sign = jnp.all(wronskian > 0.0, 0) | jnp.all(wronskian < 0.0, 0)
-    least = jnp.min(jnp.abs(wronskian), 0) / jnp.where(size > 0.0, size, 1.0)
-    return jnp.where(one_sign, least, 0.0) * np.ones(np.shape(f)[-1])
+    size = np.maximum(size_f * rate_g, size_g * rate_f)
+    one_sign = np.all(wronskian > 0.0, 0) | np.all(wronskian < 0.0, 0)
+    least = np.min(np.abs(wronskian), 0) / np.where(size > 0.0, size, 1.0)
+    return np.where(one_sign, least, 0.0)

@@ -59,7 +59,6 @@ from contourlab.controllers.axis_controller import (
     AxisController,
     BoundAxisController,
     clip,
-    per_axis,
 )
 from contourlab.controllers.base import BoundController, Controller, Needs
 from contourlab.controllers.exosystem import SIGNALS, alpha_1, alpha_2
@@ -257,11 +256,11 @@ class InternalModelContouring(Controller):
             signal=SecondSignal.along(domain, slaves, self.second_signal, self.offset),
             compensation=compensation,
             master_observer=AxisObserver.of_model(
-                whole.of_axes((master,)), per_axis("", self.master_observer_hz, 1),
+                whole.of_axes((master,)), np.full(1, self.master_observer_hz),
                 np.zeros(1), sample_time,
             ),
             slave_observer=AxisObserver.of_model(
-                model, per_axis("", bandwidth, len(slaves)), known, sample_time
+                model, np.full(len(slaves), bandwidth), known, sample_time
             ),
             model=model,
             **bound_stabiliser(self, model),

@@ -19,10 +19,10 @@ References
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 from numpy.typing import NDArray
@@ -33,7 +33,14 @@ from contourlab.errors import RefusedError
 from contourlab.machines.base import NominalModel
 from contourlab.typing import Array
 
-__all__ = ["MasterMotion", "choose_master", "master_motion", "why_not_master"]
+__all__ = [
+    "MasterMotion",
+    "choose_master",
+    "master_motion",
+    "path_grid",
+    "path_rows",
+    "why_not_master",
+]
 
 POINTS = 2048
 STILL = 1e-9
@@ -124,7 +131,7 @@ def why_not_master(path: Contour, axis: int) -> str:
     """
     grid, value, slope = _rows(path, axis)
     steepest = np.max(np.abs(slope))
-    extent = np.max(np.abs(np.asarray(path.derivatives(jnp.asarray(grid[0]), 1))[1]))
+    extent = np.max(np.abs(np.asarray(path_rows(path, grid, 2))[:, 1]))
     if not steepest > STILL * max(extent, 1e-300):
         return "does not move along this path"
     still = np.abs(slope) <= STILL * steepest
@@ -139,7 +146,7 @@ def why_not_master(path: Contour, axis: int) -> str:
     turns = _turning_points(path, axis, grid, slope)
     if not len(turns):
         return ""
-    level = np.asarray(jax.vmap(path.position)(jnp.asarray(turns)))[:, axis]
+    level = np.asarray(path_rows(path, turns, 1))[:, 0, axis]
     low, high = min(value.min(), level.min()), max(value.max(), level.max())
     inside = np.minimum(level - low, high - level) > SAME_END * (high - low)
     if inside.any():
@@ -188,10 +195,37 @@ def _slowness(model: NominalModel) -> NDArray[Any]:
     return slow * (1.0 + 1e-9 * mass / gain)  # type: ignore[no-any-return]
 
 
-def _rows(path: Contour, axis: int) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+@functools.partial(jax.jit, static_argnames=("order",))
+def path_rows(path: Contour, parameter: Array, order: int) -> Array:
+    """Return derivatives at many parameters, shape (n, order + 1, n_axes).
+
+    Parameters
+    ----------
+    path
+        In the space of the axes.
+    parameter
+        Shape (n,).
+    order
+        Highest derivative; static.
+    """
+    return jax.vmap(lambda p: path.derivatives(p, order))(parameter)
+
+
+def path_grid(path: Contour) -> NDArray[Any]:
+    """Return the parameters at which a path is looked at, both ends of its domain included.
+
+    Parameters
+    ----------
+    path
+        In the space of the axes.
+    """
     low, high = (float(np.asarray(end)) for end in path.domain)
-    grid = np.linspace(low, high, POINTS + 1)
-    rows = np.asarray(jax.vmap(lambda p: path.derivatives(p, 1))(jnp.asarray(grid)))
+    return np.linspace(low, high, POINTS + 1)
+
+
+def _rows(path: Contour, axis: int) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    grid = path_grid(path)
+    rows = np.asarray(path_rows(path, grid, 2))
     return grid, rows[:, 0, axis], rows[:, 1, axis]
 
 
@@ -216,7 +250,7 @@ def _refined(
     low, high, rising = grid[first], grid[last], slope[first] > 0.0
     for _ in range(50 if len(first) else 0):
         middle = 0.5 * (low + high)
-        here = np.asarray(jax.vmap(lambda p: path.derivatives(p, 1))(jnp.asarray(middle)))
+        here = np.asarray(path_rows(path, middle, 1))
         before = (here[:, 1, axis] > 0.0) == rising
         low, high = np.where(before, middle, low), np.where(before, high, middle)
     return 0.5 * (low + high)
@@ -228,5 +262,5 @@ def _ends(
     turns = _turning_points(path, axis, grid, slope)
     level = value
     if len(turns):
-        level = np.append(value, np.asarray(jax.vmap(path.position)(jnp.asarray(turns)))[:, axis])
+        level = np.append(value, np.asarray(path_rows(path, turns, 1))[:, 0, axis])
     return float(level.min()), float(level.max())

@@ -60,24 +60,7 @@ class PulseModel(Configuration):
         sample_time
             T [s].
         """
-        mass = jnp.asarray(model.mass)
-        zero, one = jnp.zeros_like(mass), jnp.ones_like(mass)
-        stiffness = zero if model.stiffness is None else jnp.asarray(model.stiffness)
-        block = jnp.stack([
-            jnp.stack([zero, one, zero], -1),
-            jnp.stack([-stiffness / mass, -model.viscous / mass, model.gain / mass], -1),
-            jnp.stack([zero, zero, zero], -1),
-        ], -2)  # fmt: skip
-        held = exponential(block * sample_time)
-        a, h = held[:, :2, :2], held[:, :2, 2]
-        a_1 = -(a[:, 0, 0] + a[:, 1, 1])
-        # det exp(A T) = exp(tr A T), without the cancellation
-        a_2 = jnp.exp(-model.viscous / mass * sample_time)
-        b_1 = h[:, 0]
-        b_2 = a[:, 0, 1] * h[:, 1] - a[:, 1, 1] * h[:, 0]  # C A H + a_1 C H
-        return PulseModel(
-            denominator=jnp.stack([a_1, a_2], -1), numerator=jnp.stack([b_1, b_2], -1)
-        )
+        return _held(model, jnp.asarray(sample_time, float))
 
     @property
     def order(self) -> int:
@@ -160,10 +143,9 @@ class AxisObserver(Configuration):
         sample_time
             T [s].
         """
-        rotation, output = _disturbance(np.shape(frequencies_hz)[0], frequencies_hz, sample_time)
-        pole = jnp.exp(-2.0 * np.pi * jnp.asarray(bandwidth_hz) * sample_time)
-        place = jax.vmap(lambda a, b, z: _placed(a, b, rotation, output, z))
-        gain = place(jnp.asarray(model.denominator), jnp.asarray(model.numerator), pole)
+        gain, rotation, output = _designed(
+            model, bandwidth_hz, frequencies_hz, jnp.asarray(sample_time, float)
+        )
         return AxisObserver(model=model, gain=gain, rotation=rotation, output=output)
 
     def init(self, position: AxisVector) -> ObserverState:
@@ -233,6 +215,16 @@ def _disturbance(count: int, frequencies_hz: Array, sample_time: Scalar) -> tupl
     return rotation, output
 
 
+@jax.jit
+def _designed(
+    model: PulseModel, bandwidth_hz: Array, frequencies_hz: Array, sample_time: Array
+) -> tuple[Array, Array, Array]:
+    rotation, output = _disturbance(np.shape(frequencies_hz)[0], frequencies_hz, sample_time)
+    pole = jnp.exp(-2.0 * np.pi * bandwidth_hz * sample_time)
+    place = jax.vmap(lambda a, b, z: _placed(a, b, rotation, output, z))
+    return place(model.denominator, model.numerator, pole), rotation, output
+
+
 def _placed(a: Array, b: Array, rotation: Array, output: Array, pole: Scalar) -> Array:
     """Return the gain that puts every pole of one axis's observer at one place (Ackermann)."""
     order, size = a.shape[0], a.shape[0] + rotation.shape[0]
@@ -251,3 +243,26 @@ def _placed(a: Array, b: Array, rotation: Array, output: Array, pole: Scalar) ->
         power = power @ moved
     last = jnp.zeros(size).at[-1].set(1.0)
     return power @ jnp.linalg.solve(jnp.stack(seen), last)
+
+
+@jax.jit
+def _held(model: NominalModel, sample_time: Array) -> PulseModel:
+    """Return the pulse transfer functions of M q'' + B q' + S q = K u, the command being held."""
+    mass = jnp.asarray(model.mass)
+    zero, one = jnp.zeros_like(mass), jnp.ones_like(mass)
+    stiffness = zero if model.stiffness is None else jnp.asarray(model.stiffness)
+    block = jnp.stack([
+        jnp.stack([zero, one, zero], -1),
+        jnp.stack([-stiffness / mass, -model.viscous / mass, model.gain / mass], -1),
+        jnp.stack([zero, zero, zero], -1),
+    ], -2)  # fmt: skip
+    held = exponential(block * sample_time)
+    a, h = held[:, :2, :2], held[:, :2, 2]
+    a_1 = -(a[:, 0, 0] + a[:, 1, 1])
+    # det exp(A T) = exp(tr A T), without the cancellation
+    a_2 = jnp.exp(-model.viscous / mass * sample_time)
+    b_1 = h[:, 0]
+    b_2 = a[:, 0, 1] * h[:, 1] - a[:, 1, 1] * h[:, 0]  # C A H + a_1 C H
+    return PulseModel(
+        denominator=jnp.stack([a_1, a_2], -1), numerator=jnp.stack([b_1, b_2], -1)
+    )

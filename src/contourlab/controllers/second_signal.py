@@ -6,19 +6,17 @@ the slave's reference, which changes nothing but rounding.
 
 from __future__ import annotations
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from contourlab.configuration import Configuration, real
 from contourlab.controllers.exosystem import SIGNALS, turning
+from contourlab.controllers.master import path_grid, path_rows
 from contourlab.controllers.position_domain import PositionDomain
 from contourlab.typing import Array, AxisVector, Scalar, Vector
 
 __all__ = ["SecondSignal"]
-
-POINTS = 2048
 
 
 class SecondSignal(Configuration):
@@ -50,9 +48,8 @@ class SecondSignal(Configuration):
         offset
             Added to the position signal [m].
         """
-        low, high = (float(np.asarray(end)) for end in domain.path.domain)
-        grid = jnp.linspace(low, high, POINTS + 1)
-        rows = np.asarray(jax.vmap(lambda p: domain.path.derivatives(p, 2))(grid))
+        grid = path_grid(domain.path)
+        rows = np.asarray(path_rows(domain.path, grid, 2))
         own, motion = np.asarray(slaves, int), domain.motion
         f, slope, bend = (rows[:, k][:, own] for k in range(3))
         master = rows[:, 0, motion.axis] - motion.centre, rows[:, 1, motion.axis]
@@ -65,7 +62,7 @@ class SecondSignal(Configuration):
             np.full(len(own), 1.0), size / np.asarray(motion.amplitude), per_slope
         ])  # fmt: skip
         place, place_slope = (
-            (motion.amplitude * np.asarray(grid), np.full(len(grid), motion.amplitude))
+            (motion.amplitude * grid, np.full(len(grid), motion.amplitude))
             if motion.rotational
             else (rows[:, 0, motion.axis], rows[:, 1, motion.axis])
         )
@@ -75,7 +72,7 @@ class SecondSignal(Configuration):
             (master[0][:, None] * scale[1], master[1][:, None] * scale[1]),
             (slope * scale[2], bend * scale[2]),
         )
-        turns = np.stack([np.asarray(turning(f, slope, g, rate)) for g, rate in signals])
+        turns = np.stack([turning(f, slope, g, rate) for g, rate in signals])
         taken = (
             np.argmax(turns, 0)
             if name == SIGNALS[0]
