@@ -69,9 +69,7 @@ class CombinedAxes(Contour):
         """
         rows, matrix = self.axes.derivatives(parameter, order, piece), jnp.asarray(self.matrix)
         # by component, as in Transformed: one loop over a batch
-        columns: list[Array] = [
-            rows[:, k : k + 1] * matrix[:, k] for k in range(self.axes.n_axes)
-        ]
+        columns: list[Array] = [rows[:, k : k + 1] * matrix[:, k] for k in range(self.axes.n_axes)]
         return sum(columns[1:], columns[0])
 
     def locate(self, parameter: Scalar, piece: Count) -> Count:

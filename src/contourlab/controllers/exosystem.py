@@ -12,23 +12,24 @@ shift. In polar form (14), (15), l = |w| and η its angle, d(k) = η(k+1) - η(k
     α1(k) = - l(k+1)/l(k)  sin(d(k-1) + d(k)) / sin d(k-1)                              (A1)
     α2(k) =   l(k+2)/l(k)  sin d(k+1) / sin d(k)                                        (A2)
 
-α1 at the instant k takes the samples k-1, k, k+1, and α2 takes k, k+1, k+2. S̄ is the exponential of
-the integral of (18) over the sample without error: the matrices of (18) commute, and the integrals
-of l'/l and η' are differences of ln l and η. Written with the angles, (R) holds to rounding of f
-even where the quotients are large; written with the products f g⁺ - f⁺ g, which is the same, it
-loses the digits that these lose.
+α1 at the instant k takes the samples k-1, k, k+1, and α2 takes k, k+1, k+2. S̄ is the exponential
+of the integral of (18) over the sample without error: the matrices of (18) commute, and the
+integrals of l'/l and η' are differences of ln l and η. Written with the angles, (R) holds to
+rounding of f even where the quotients are large; written with the products f g⁺ - f⁺ g, which is
+the same, it loses the digits that these lose.
 
 **Singular instants.** Where w does not turn, sin d = 0, there is no recurrence: the line from the
 origin touches the curve (g, f). With g = s, the position, that is f = s f'(s), s = 4.4934, 7.7253,
-... for f = sin s. An offset added to s moves these instants and cannot remove them; it removes l = 0
-where f and s start at 0 together. Near a singular instant α is large for a sample or two. Below
-:data:`STANDING` the coefficients (-2, 1) of a straight line stand in, as when the path stands still.
+... for f = sin s. An offset added to s moves these instants and cannot remove them; it removes l =
+0 where f and s start at 0 together. Near a singular instant α is large for a sample or two. Below
+:data:`STANDING` the coefficients (-2, 1) of a straight line stand in, as when the path stands
+still.
 
 **The second signal** is a matter of choice (:data:`SIGNALS`): nothing but (R) for f is used of it.
 
 ``"position"``: s, the paper's.
-``"master"``: the master's coordinate less its middle. Its instants are singular where the tangent of
-the *contour*, in the plane of master and slave, goes through the point (middle, 0): none if the
+``"master"``: the master's coordinate less its middle. Its instants are singular where the tangent
+of the *contour*, in the plane of master and slave, goes through the point (middle, 0): none if the
 contour is star-shaped about that point. For a circle it is cos θ, and α = (-2 cos Δθ, 1) constant.
 ``"derivative"``: f', singular where f f'' = f'². For f = sin s it is cos s: no such instant.
 

@@ -16,9 +16,9 @@ at q(k), p1(k), p2(k), with the closed form, δ = α - a and β = b2/b1, ν(k) =
 
     q(k) = β ν(k-1)/ν(k),   p1(k) = δ1(k-1)/b1,   p2(k) = δ2(k) q(k)/b2                 (C)
 
-and the matrices of unit 2, Φ2(k) = -q(k), Γ2(k) = p2(k) - p1(k+1) q(k), D2(k) = p1(k+1). The paper's
-(30), which has its columns at α(k), α(k+1), gives q and p of one sample later: to be used as
-Φ2(k+1), but D2(k). Taking all of it at k, as it reads, follows nothing exactly
+and the matrices of unit 2, Φ2(k) = -q(k), Γ2(k) = p2(k) - p1(k+1) q(k), D2(k) = p1(k+1). The
+paper's (30), which has its columns at α(k), α(k+1), gives q and p of one sample later: to be used
+as Φ2(k+1), but D2(k). Taking all of it at k, as it reads, follows nothing exactly
 (:func:`unit_2_as_printed`; a test keeps it).
 
 **Without division.** q divides by ν, which vanishes now and then. It need not be formed: u_r = f
@@ -101,9 +101,7 @@ def solve_general(
     return float(found[0]), found[1:]
 
 
-def solve_closed_form(
-    a: Any, b: Any, alpha_before: Any, alpha: Any
-) -> tuple[float, NDArray[Any]]:
+def solve_closed_form(a: Any, b: Any, alpha_before: Any, alpha: Any) -> tuple[float, NDArray[Any]]:
     """Return q(k) and p(k) by (C).
 
     Parameters

@@ -16,13 +16,13 @@ slave onto it:
 master does and whatever the path is: the coefficients are fitted anew to every sample, so that the
 internal model amounts to inverting the axis with one sample of look-ahead. Its zeros must be inside
 the unit circle. Nothing in it is robust: the copy is driven by the command, not by the axis, and a
-model that is off leaves an error that K alone holds down. A constant push is nearly removed, because
-α is near (-2, 1), a double integrator.
+model that is off leaves an error that K alone holds down. A constant push is nearly removed,
+because α is near (-2, 1), a double integrator.
 
 **Look-ahead.** u(k) takes f(k+1), which is where the master will be: its position is predicted one
 sample ahead by its nominal model and an observer, and the same predictions are used at every
-instant, for f and for the coefficients. What is predicted wrongly enters e as if the path had moved.
-One point of the reference is previewed, for the contour parameter expected there.
+instant, for f and for the coefficients. What is predicted wrongly enters e as if the path had
+moved. One point of the reference is previewed, for the contour parameter expected there.
 
 **Disturbances.** With ``disturbance_observer_hz`` an extended state observer on each slave takes
 away what acts at its input: a constant, and sinusoids of ``disturbance_frequencies_hz``, whose
@@ -182,9 +182,7 @@ class InternalModelContouring(Controller):
     stabiliser_decay: Scalar = real(above=0.0, below=1.0, ndim=0, default=0.6)
     observer_gain: Scalar = real(ndim=0, default=1e-4)
     disturbance_observer_hz: Scalar | None = real(unit="Hz", above=0.0, ndim=0, default=None)
-    disturbance_frequencies_hz: Float[Array, " n"] | None = real(
-        unit="Hz", above=0.0, default=None
-    )
+    disturbance_frequencies_hz: Float[Array, " n"] | None = real(unit="Hz", above=0.0, default=None)
     engage_time: Scalar = real(unit="s", minimum=0.0, ndim=0, default=0.0)
     numerator: Float[Array, "n_axes order"] | None = real(default=None)
     denominator: Float[Array, "n_axes order"] | None = real(default=None)
@@ -353,9 +351,7 @@ class BoundInternalModelContouring(BoundController):
         predicted = self.master_observer.step(
             state.master, sample.position[master : master + 1], first[None]
         )
-        domain = self.domain.step(
-            state.domain, predicted.axes[0, 0], sample.preview.parameter[0]
-        )
+        domain = self.domain.step(state.domain, predicted.axes[0, 0], sample.preview.parameter[0])
 
         # the exosystem: samples k-1, k, k+1
         f_next, g_next = self._signals(domain)
@@ -444,9 +440,7 @@ class BoundInternalModelContouring(BoundController):
         lead = state.observed[:, 0] + gain * state.error  # first of x̂_b
         shifted = jnp.concatenate([state.observed[:, 1:], jnp.zeros_like(b[:, :1])], -1)
         # A22 x̂_b + A21 e + B2 u_st, less F times what is predicted of e
-        ahead = (
-            shifted - alpha[:, 1:] * state.error[:, None] + b[:, 1:] * state.by_gain[:, None]
-        )
+        ahead = shifted - alpha[:, 1:] * state.error[:, None] + b[:, 1:] * state.by_gain[:, None]
         next_error = lead - alpha[:, 0] * state.error + b[:, 0] * state.by_gain
         return ahead.at[:, 0].add(-gain * next_error)
 

@@ -1,9 +1,9 @@
 """Which axis can be the master of a path, and how its coordinate runs along it.
 
-A master is *monotone* if its coordinate only rises or only falls along the path, and *rotational* if
-it swings between the same two ends (Assumptions 3.1 and 3.2). A coordinate that stands still over a
-stretch (the side of a rectangle) or that turns back elsewhere than at the ends of its range has no
-position variable: the place on the path does not follow from the position.
+A master is *monotone* if its coordinate only rises or only falls along the path, and *rotational*
+if it swings between the same two ends (Assumptions 3.1 and 3.2). A coordinate that stands still
+over a stretch (the side of a rectangle) or that turns back elsewhere than at the ends of its range
+has no position variable: the place on the path does not follow from the position.
 
 Paths are looked at on a grid, 2048 points over the domain, and turning points are found to rounding
 by Newton's method.
@@ -115,7 +115,7 @@ def master_motion(law: str, path: Contour, axis: int, names: tuple[str, ...]) ->
         cosine = bool(np.max(np.abs(off)) <= COSINE * amplitude)
     return MasterMotion(
         axis=axis, rotational=rotational, cosine=cosine, steepest=np.max(np.abs(slope)),
-        centre=centre, amplitude=amplitude, phase=phase if cosine else 0.0,
+        centre=np.asarray(centre), amplitude=np.asarray(amplitude), phase=np.asarray(phase if cosine else 0.0),
     )  # fmt: skip
 
 
@@ -187,9 +187,7 @@ def choose_master(law: str, path: Contour, model: NominalModel, names: tuple[str
 
 
 def _slowness(model: NominalModel) -> NDArray[Any]:
-    mass, viscous, gain = (
-        np.asarray(x, float) for x in (model.mass, model.viscous, model.gain)
-    )
+    mass, viscous, gain = (np.asarray(x, float) for x in (model.mass, model.viscous, model.gain))
     slow = mass / np.maximum(viscous, 1e-12 * mass)
     # between axes without drag: the one with the least acceleration per command
     return slow * (1.0 + 1e-9 * mass / gain)  # type: ignore[no-any-return]
@@ -220,7 +218,7 @@ def path_grid(path: Contour) -> NDArray[Any]:
         In the space of the axes.
     """
     low, high = (float(np.asarray(end)) for end in path.domain)
-    return np.linspace(low, high, POINTS + 1)
+    return np.linspace(low, high, POINTS + 1)  # type: ignore[no-any-return]
 
 
 def _rows(path: Contour, axis: int) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:

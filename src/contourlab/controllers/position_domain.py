@@ -28,9 +28,9 @@ all; a measured error σ moves p by at most σ / (ε S) [parameter].
 m(p) = c + R cos(p + φ): θ is the angle with R cos θ = y - c that lies nearest to the expected one,
 y - c clipped to ± R. Exact for exact positions of exactly that amplitude.
 
-As printed (:func:`convert_as_printed`) the algorithm starts on the branch on which y falls, whatever
-y does, and sees a turning point when the angle falls, one sample late where the turn lies in the
-second half of an interval. The nearest angle needs neither.
+As printed (:func:`convert_as_printed`) the algorithm starts on the branch on which y falls,
+whatever y does, and sees a turning point when the angle falls, one sample late where the turn lies
+in the second half of an interval. The nearest angle needs neither.
 
 References
 ----------

@@ -3,14 +3,15 @@
     u = kp e + ki ∫ e ds + kd de/ds,      e = f(s) - y,                                  (P)
 
 with s the way of the master: its position where it only rises or only falls, R θ where it swings
-(:mod:`~contourlab.controllers.position_domain`). In discrete form the integral grows by e Δs and the
-derivative is Δe/Δs, Δs being the master's way since the last sample. At a speed v of the master this
-is a PID in time with the gains ki v and kd/v: it grows slack where the master is slow, and where the
-master stands neither is defined. |Δs| is taken for no less than ``least_speed`` times the sample
-time.
+(:mod:`~contourlab.controllers.position_domain`). In discrete form the integral grows by e Δs and
+the derivative is Δe/Δs, Δs being the master's way since the last sample. At a speed v of the master
+this is a PID in time with the gains ki v and kd/v: it grows slack where the master is slow, and
+where the master stands neither is defined. |Δs| is taken for no less than ``least_speed`` times the
+sample time.
 
 The contour error is the slaves' error alone, whatever the master does; what a PID leaves of it is
-what a PID leaves of any reference: a lag. The law is the one that internal-model contouring extends.
+what a PID leaves of any reference: a lag. The law is the one that internal-model contouring
+extends.
 
 References
 ----------
@@ -235,9 +236,7 @@ class BoundPositionDomainPid(BoundController):
             axis=self.axis.settle(proposal, wanted, command),
             domain=domain,
             error=error,
-            integral=held_integral(
-                state.integral, error * jnp.abs(way), wanted[own], command[own]
-            ),
+            integral=held_integral(state.integral, error * jnp.abs(way), wanted[own], command[own]),
             saturated=jnp.any(wanted != command).astype(jnp.int32),
         )
 

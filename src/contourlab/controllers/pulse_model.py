@@ -5,8 +5,8 @@
 each axis for itself, in observer canonical form (G, H, C): with G's first column -a, ones above its
 diagonal, H = b and C = [1 0 ... 0]. So is every printed model of Cao and Zhang.
 
-From a nominal model M q'' + B q' + S q = K u the pulse transfer function is exact for a command that
-is held over the sample.
+From a nominal model M q'' + B q' + S q = K u the pulse transfer function is exact for a command
+that is held over the sample.
 
 **Observer.** A disturbance d is taken to enter with the command and to be the output of a system
 with known poles: a constant (pole 1, an *extended state observer*) and sinusoids of known
@@ -60,7 +60,7 @@ class PulseModel(Configuration):
         sample_time
             T [s].
         """
-        return _held(model, jnp.asarray(sample_time, float))
+        return _held(model, jnp.asarray(sample_time, float))  # type: ignore[no-any-return]
 
     @property
     def order(self) -> int:
@@ -221,8 +221,9 @@ def _designed(
 ) -> tuple[Array, Array, Array]:
     rotation, output = _disturbance(np.shape(frequencies_hz)[0], frequencies_hz, sample_time)
     pole = jnp.exp(-2.0 * np.pi * bandwidth_hz * sample_time)
-    place = jax.vmap(lambda a, b, z: _placed(a, b, rotation, output, z))
-    return place(model.denominator, model.numerator, pole), rotation, output
+    rows = zip(model.denominator, model.numerator, pole, strict=True)
+    gain = jnp.stack([_placed(a, b, rotation, output, z) for a, b, z in rows])
+    return gain, rotation, output
 
 
 def _placed(a: Array, b: Array, rotation: Array, output: Array, pole: Scalar) -> Array:
@@ -242,7 +243,8 @@ def _placed(a: Array, b: Array, rotation: Array, output: Array, pole: Scalar) ->
     for _ in range(size):
         power = power @ moved
     last = jnp.zeros(size).at[-1].set(1.0)
-    return power @ jnp.linalg.solve(jnp.stack(seen), last)
+    gain: Array = power @ jnp.linalg.solve(jnp.stack(seen), last)
+    return gain
 
 
 @jax.jit
@@ -263,6 +265,4 @@ def _held(model: NominalModel, sample_time: Array) -> PulseModel:
     a_2 = jnp.exp(-model.viscous / mass * sample_time)
     b_1 = h[:, 0]
     b_2 = a[:, 0, 1] * h[:, 1] - a[:, 1, 1] * h[:, 0]  # C A H + a_1 C H
-    return PulseModel(
-        denominator=jnp.stack([a_1, a_2], -1), numerator=jnp.stack([b_1, b_2], -1)
-    )
+    return PulseModel(denominator=jnp.stack([a_1, a_2], -1), numerator=jnp.stack([b_1, b_2], -1))

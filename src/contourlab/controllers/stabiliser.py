@@ -7,14 +7,15 @@ What the internal model leaves of the axis is S(z) e = B(z) u_st (34),
 of order n. α moves within a box about (-2, 1), which is where a path sampled finely has it; A is
 affine in α, so that the four corners of the box span it (38). The gain K is scheduled over α1,
 which is known in time, between one gain at its lower and one at its upper end, with weights that
-are convex: σ = (α1 - low) / (high - low), clipped to 0 ... 1. α2(k) is known one sample too late and
-is taken for uncertain. With corners i = (α1, α2), one G and R for each end of α1, and ρ the decay,
+are convex: σ = (α1 - low) / (high - low), clipped to 0 ... 1. α2(k) is known one sample too late
+and is taken for uncertain. With corners i = (α1, α2), one G and R for each end of α1, and ρ the
+decay,
 
     [ G_i + G_i' - Q_i      (A_i G_i + b R_i)' ]
     [ A_i G_i + b R_i              ρ² Q_j      ]  > 0   for all corners i, j,           (40)
 
-K = R G⁻¹ at each end (41): the size x' Q⁻¹ x of the state then falls by ρ² or more a sample, however
-α moves within the box.
+K = R G⁻¹ at each end (41): the size x' Q⁻¹ x of the state then falls by ρ² or more a sample,
+however α moves within the box.
 
 The inequalities say what is enough, not one answer: gains depend on the solver and on what it is
 asked to centre. The certificate is what counts. It is verified here, with the numbers as they came
@@ -139,7 +140,9 @@ def design_stabiliser(
     try:
         problem.solve(solver=cp.CLARABEL)
     except cp.error.SolverError as error:
-        raise RefusedError(f"the solver of the stabiliser's inequalities failed: {error}") from error
+        raise RefusedError(
+            f"the solver of the stabiliser's inequalities failed: {error}"
+        ) from error
     if slack.value is None or not float(slack.value) > 0.0:
         raise RefusedError(
             f"no gain is certified for exosystem coefficients within {half_width:g} of (-2, 1) and "

@@ -265,8 +265,9 @@ def four_axes(
 
 @functools.cache
 def emulated(
-    coulomb: float = 0.05, gain_error: float = 0.02, resolution: float = 10e-9, n_axes: int = 2
-) -> Machine:
+    coulomb: float = 0.05, gain_error: float = 0.02,
+    resolution: float | tuple[float, ...] = 10e-9, n_axes: int = 2,
+) -> Machine:  # fmt: skip
     """Return the emulated stage, with the same structure whatever is switched off.
 
     Parameters
@@ -276,7 +277,7 @@ def emulated(
     gain_error
         Of X1, and minus that of X2.
     resolution
-        Of the encoders [m].
+        Of the encoders [m], one for all or one per axis.
     n_axes
         2 or 4.
     """

@@ -103,7 +103,7 @@ def cao_zhang_emulated_stage(
     *,
     coulomb: float = 0.05,
     gain_error: tuple[float, float] = (0.02, -0.02),
-    resolution: float = 10e-9,
+    resolution: float | tuple[float, ...] = 10e-9,
     noise: float = 0.0,
     n_axes: int = 2,
 ) -> Machine:
@@ -116,7 +116,7 @@ def cao_zhang_emulated_stage(
     gain_error
         Of X1 and X2, relative to the model; the scanner has none.
     resolution
-        Of the encoders [m]: 10 nm is printed (Table 2).
+        Of the encoders [m], one for all or one per axis: 10 nm is printed (Table 2).
     noise
         Standard deviation of what the encoders show [m].
     n_axes
