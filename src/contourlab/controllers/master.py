@@ -115,7 +115,8 @@ def master_motion(law: str, path: Contour, axis: int, names: tuple[str, ...]) ->
         cosine = bool(np.max(np.abs(off)) <= COSINE * amplitude)
     return MasterMotion(
         axis=axis, rotational=rotational, cosine=cosine, steepest=np.max(np.abs(slope)),
-        centre=np.asarray(centre), amplitude=np.asarray(amplitude), phase=np.asarray(phase if cosine else 0.0),
+        centre=np.asarray(centre), amplitude=np.asarray(amplitude),
+        phase=np.asarray(phase if cosine else 0.0),
     )  # fmt: skip
 
 

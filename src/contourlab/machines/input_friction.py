@@ -6,13 +6,19 @@ with F of :mod:`~contourlab.machines.friction`, in units of the command, and v t
 What an identification gives has no place inside where friction acts; at the input is where a force
 on a rigid axis stands.
 
-Friction is held over a substep h at F(v) = k(v) v, with k the secant at the velocity that the
-substep would end at without friction, v_f, and v the end that follows from it:
+Friction is held over a substep h at F(v), v being the velocity that the substep ends at: a backward
+Euler step for friction alone, of first order in h, and exact in everything else,
 
-    v = v_f - g F,   F = k v   =>   F = k v_f / (1 + g k)                               (1)
+    v = v_f - g F(v),                                                                   (1)
 
-with g the velocity that one unit of command makes in h. It is a backward Euler step for friction
-alone (of first order in h, exact in everything else), and stable for every substep: k >= 0.
+with v_f the end without friction and g the velocity that one unit of command makes in h. (1) is
+solved for a sign that is straight within the smoothing velocity v_0 and flat beyond,
+
+    v_a = v_f / (1 + g L / v_0)  if that is within v_0,  else  v_f - g L sign v_f,      (2)
+
+L being the level at v_f, and then once with the secant k = F(v_a) / v_a: v = v_f / (1 + g k). Where
+the axis slides this is (1) exactly, where it sticks it creeps as F says to the second order of
+v / v_0. Since 0 <= v / v_f <= 1 friction only ever brakes, however long the substep.
 """
 
 from __future__ import annotations
@@ -182,7 +188,12 @@ class BoundInputFriction(BoundDynamics):
                 command: AxisVector = command,
             ) -> tuple[Any, None]:
                 free = axes.velocity(axes.advance(now, (command,), disturbance))
-                slope = self.friction.secant(free)
+                reach = 1.0 / self.friction.per_smoothing
+                level = self.friction.secant(free) * jnp.abs(free)
+                near = free / (1.0 + push * level / reach)
+                slides = jnp.abs(near) > reach
+                near = jnp.where(slides, free - push * level * jnp.sign(free), near)  # (2)
+                slope = self.friction.secant(near)
                 held = slope * free / (1.0 + push * slope)  # (1)
                 return axes.advance(now, (command - held,), disturbance), None
 

@@ -1,0 +1,185 @@
+"""From the master's position to the place on the path, and which axis can be the master."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from contourlab.contours import Circle, Ellipse, Heart, Line, Lissajous, Sinusoid, join
+from contourlab.controllers.master import choose_master, master_motion, why_not_master
+from contourlab.controllers.position_domain import (
+    PositionDomain,
+    convert_as_printed,
+    nearest_angle,
+)
+from contourlab.errors import RefusedError
+from contourlab.machines.base import NominalModel
+
+NAMES = ("axis 0", "axis 1")
+
+
+def domain(path, conversion="tracked", axis=0, width=0.03):
+    return PositionDomain(
+        path=path, motion=master_motion("Law", path, axis, NAMES), turning_width=width,
+        conversion=conversion,
+    )  # fmt: skip
+
+
+@jax.jit
+def _along(where, positions, references):
+    def step(state, row):
+        state = where.step(state, *row)
+        return state, state.parameter
+
+    start = where.init(references[0])
+    return jax.lax.scan(step, start, (positions, references))[1]
+
+
+def located(where, positions, references):
+    return np.asarray(_along(where, jnp.asarray(positions), jnp.asarray(references)))
+
+
+T = 2e-3 * np.arange(6000)
+MOTIONS = {
+    "steady": T,
+    "t + 0.5 sin t": T + 0.5 * np.sin(T),
+    "decreasing": -T,
+    "decreasing, unsteady": -(T + 0.5 * np.sin(T)),
+    "from a turning point": T + np.pi,
+    "from a rising branch": T + 4.5,
+}
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_the_circle_is_converted_exactly_either_way_round(name):
+    """Algorithm 3.1 put right: the angle of R cos θ with a lag of a tenth, started anywhere."""
+    angle = MOTIONS[name]
+    lag = 0.002 * np.gradient(angle, T)
+    where = domain(Circle(radius=0.02), "arccos")
+    found = located(where, 0.02 * np.cos(angle - lag), angle)
+    # at a turning point arccos takes the root of the rounding; a start just before one is
+    # ambiguous for the few samples until it is passed
+    assert np.max(np.abs(found - (angle - lag))[10:]) < 3e-8
+
+
+@pytest.mark.parametrize("name", ["steady", "decreasing", "t + 0.5 sin t"])
+def test_tracking_finds_the_lag_and_keeps_it(name):
+    """A steady lag exactly; one that changes, to its change within the turning width."""
+    angle = MOTIONS[name]
+    lag = 0.002 * np.gradient(angle, T)
+    found = located(domain(Circle(radius=0.02)), 0.02 * np.cos(angle - lag), angle)
+    error = np.abs(found - (angle - lag))[1500:]
+    assert np.max(error) < (1e-4 if "sin" in name else 1e-9)
+
+
+def test_tracking_stands_noise_that_the_arccosine_does_not():
+    """Noise σ moves the place by σ / (ε R) at most; the arccosine by its root."""
+    noise = 1e-8 * np.random.default_rng(1).normal(size=T.size)
+    y = 0.02 * np.cos(T - 0.002) + noise
+    tracked = located(domain(Circle(radius=0.02)), y, T)
+    by_angle = located(domain(Circle(radius=0.02), "arccos"), y, T)
+    errors = [np.max(np.abs(p - (T - 0.002))[1500:]) for p in (tracked, by_angle)]
+    assert errors[0] < 5.0 * 1e-8 / (0.03 * 0.02)
+    assert errors[1] > 5.0 * errors[0]
+
+
+def test_algorithm_as_printed_makes_a_triangle_wave_monotone():
+    """Figure 3: y falls from R to -R and back in straight lines."""
+    y = 2.0 * np.abs(np.mod(0.35 * np.arange(400) / 10.0, 2.0) - 1.0) - 1.0
+    angle = convert_as_printed(y, 1.0)
+    assert np.all(np.diff(angle) > 0.0)
+    assert_allclose(np.cos(angle), y, atol=1e-12)
+    down = convert_as_printed(y, 1.0, decreasing=True)
+    assert np.all(np.diff(down) < 0.0)
+
+
+def test_the_printed_start_is_on_a_falling_branch():
+    """y rises from 0, as zero initial conditions have it: it jumps to the next branch at once."""
+    t = 1e-3 * np.arange(100)
+    angle = convert_as_printed(np.sin(t), 1.0)
+    assert angle[1] - angle[0] > 3.0
+    assert_allclose(nearest_angle(np.sin(t[5]), 1.5 * np.pi), 1.5 * np.pi + t[5], atol=1e-12)
+
+
+@pytest.mark.parametrize("branch", range(-4, 5))
+def test_the_nearest_angle_is_lemma_3_1(branch):
+    """(8) on [sπ, (s + 1)π], for every branch."""
+    angle = branch * np.pi + np.linspace(0.02, np.pi - 0.02, 9)
+    sign = (-1.0) ** branch
+    printed = branch * np.pi + 0.5 * np.pi * (1 - sign) + sign * np.arccos(np.cos(angle))
+    assert_allclose(printed, angle, atol=1e-12)
+    found = [float(nearest_angle(np.cos(a), a + 0.015)) for a in angle]
+    assert_allclose(found, angle, atol=1e-12)
+
+
+def test_a_monotone_master_is_found_by_its_root():
+    path = Sinusoid(amplitude=0.01, wavelength=0.02, periods=3.0)
+    reference = np.linspace(0.0, 0.05, 200)
+    late = np.maximum(reference - 0.003, 0.0)
+    assert_allclose(located(domain(path), late, reference), late, atol=1e-15)
+    # turned by 0.5 rad, with a slope that changes by a factor but not its sign
+    turned = Sinusoid(amplitude=0.001, wavelength=0.02, periods=3.0).rotated(0.5)
+    position = np.asarray(jax.vmap(turned.position)(jnp.asarray(late)))[:, 0]
+    assert_allclose(located(domain(turned), position, reference), late, atol=1e-12)
+
+
+def rectangle():
+    corners = [(0.0, 0.0), (0.02, 0.0), (0.02, 0.01), (0.0, 0.01), (0.0, 0.0)]
+    return join([Line(start=a, end=b) for a, b in zip(corners, corners[1:], strict=False)]).path
+
+
+def test_a_rectangle_makes_the_master_stand_still():
+    for axis in (0, 1):
+        assert "stands still" in why_not_master(rectangle(), axis)
+    with pytest.raises(RefusedError, match=r"no axis.*axis 0 stands still at 20 mm from parameter"):
+        choose_master("Law", rectangle(), model((1.0, 1.0)), NAMES)
+
+
+def test_a_coordinate_that_turns_back_within_its_range_is_refused_with_where():
+    path = Lissajous(amplitudes=np.array([0.01, 0.02]), frequencies=(1.0, 1.0),
+                     phases=np.array([0.0, 0.5 * np.pi]))  # fmt: skip
+    assert why_not_master(path, 0) == ""
+    tilted = Ellipse(semi_axes=(0.02, 0.01)).rotated(0.3)
+    assert why_not_master(tilted, 1) == ""
+    heart = Heart(radius=0.02, smoothing=0.05)
+    assert why_not_master(heart, 0) == ""
+    with pytest.raises(RefusedError, match=r"axis 1 for its master: it turns back at .* axis 0 could"):
+        master_motion("Law", heart, 1, NAMES)
+
+
+def model(viscous):
+    return NominalModel(
+        mass=np.ones(2), viscous=np.array(viscous), coulomb=np.zeros(2), gain=np.ones(2),
+        command_limit=np.full(2, 10.0), command="voltage",
+    )  # fmt: skip
+
+
+def test_the_slowest_axis_is_recommended_among_those_that_can():
+    circle, heart = Circle(radius=0.02), Heart(radius=0.02, smoothing=0.05)
+    assert choose_master("Law", circle, model((5.0, 50.0)), NAMES) == 0
+    assert choose_master("Law", circle, model((50.0, 5.0)), NAMES) == 1
+    assert choose_master("Law", heart, model((50.0, 5.0)), NAMES) == 0
+
+
+def test_the_motion_of_a_circle_is_a_cosine_with_its_phase():
+    motion = master_motion("Law", Circle(radius=0.02, center=(0.01, 0.0)), 1, NAMES)
+    assert motion.rotational
+    assert motion.cosine
+    assert_allclose([motion.amplitude, motion.centre], [0.02, 0.0], atol=1e-15)
+    assert_allclose(motion.phase, -0.5 * np.pi)
+    ramp = master_motion("Law", Sinusoid(amplitude=0.01, wavelength=0.02), 0, NAMES)
+    assert not ramp.rotational
+
+
+def test_arcs_of_a_path_can_have_a_master():
+    """The round trip of a path of lines and arcs is looked up piece by piece."""
+    full = Circle(radius=0.02)
+    path = full.between(0.2, 2.9)
+    where = domain(path)
+    assert not where.motion.rotational
+    reference = np.linspace(0.3, 2.7, 100)
+    position = 0.02 * np.cos(reference - 0.01)
+    assert_allclose(located(where, position, reference)[1:], reference[1:] - 0.01, atol=1e-12)
+
+
