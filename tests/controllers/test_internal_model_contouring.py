@@ -1,0 +1,372 @@
+"""Internal-model contouring and the PID in the position domain, and what they are made of."""
+
+import functools
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import contourlab as cl
+from contourlab.configuration import replace
+from contourlab.contour_errors import TangentEstimator
+from contourlab.contours import Circle, Heart, Line, Lissajous, Sinusoid, combined, join
+from contourlab.controllers import (
+    AxisPid,
+    CrossCoupled,
+    FirstOrderTaskFrame,
+    InternalModelContouring,
+    PositionDomainPid,
+)
+from contourlab.controllers.pulse_model import AxisObserver, PulseModel
+from contourlab.controllers.stabiliser import (
+    certified_half_width,
+    closed_loop,
+    design_stabiliser,
+)
+from contourlab.errors import ConfigurationError, RefusedError
+from contourlab.feedrate import constant_rate
+from contourlab.machines import SineDisturbance, StateSpaceAxes, StepDisturbance
+from contourlab.machines.base import NominalModel
+from contourlab.machines.published import cao_zhang_stage, cao_zhang_stage_and_scanner
+from contourlab.machines.published.cao_zhang import cao_zhang_pulse_model
+from contourlab.testing.controllers import check_controller
+
+T = 1e-3
+GAIN = 1e3 * np.array([-1500.0, -947.0])
+NUMERATOR, DENOMINATOR = cao_zhang_pulse_model(4)
+
+
+def model(n=2, limit=1e4):
+    return NominalModel(
+        mass=0.8 + 0.2 * np.arange(n), viscous=40.0 + 10.0 * np.arange(n), coulomb=np.zeros(n),
+        gain=np.full(n, 2.0), command_limit=np.full(n, limit), command="voltage",
+    )  # fmt: skip
+
+
+def stage_pid():
+    return AxisPid(
+        model=cao_zhang_stage().nominal, kp=[34.96e3, 11.34e3], ki=[173.3e3, 54.11e3],
+        kd=[400.0, 180.0],
+    )  # fmt: skip
+
+
+def stage_law(**changes):
+    fields = {
+        "axis": stage_pid(), "master": 0, "numerator": NUMERATOR[:2],
+        "denominator": DENOMINATOR[:2], "identified_at": T, "stabiliser_gain": GAIN,
+    }  # fmt: skip
+    return InternalModelContouring(**(fields | changes))
+
+
+CIRCLE = Circle(radius=1e-3)
+
+
+@functools.cache
+def round_trip(duration=3.0, rate=2.0):
+    return constant_rate(CIRCLE, rate=rate, duration=duration, sample_time=T)
+
+
+def largest(recording, start=1.5):
+    return recording.metrics_between(start, 3.0)["contour_error_max"]
+
+
+def test_on_its_own_model_the_contour_error_is_rounding():
+    """The master lags by 1 um in phase; the slave's error is some roundings of 1 mm."""
+    recording = cl.simulate(cao_zhang_stage(), stage_law(conversion="arccos"), round_trip())
+    assert largest(recording) < 1e-15
+    assert np.max(np.abs(np.asarray(recording["position_domain_error"])[1500:])) < 1e-16
+    tracked = cl.simulate(cao_zhang_stage(), stage_law(), round_trip())
+    assert largest(tracked) < 1e-12
+
+
+def test_the_masters_amplitude_has_to_be_compensated():
+    """Remark 4.1: without, it is short of the ends of its swing by |T1| - 1 of the radius."""
+    z = np.exp(2j * T)
+    c = 34.96e3 + 173.3e3 * T / (z - 1) + 400.0 * (1 - 1 / z) / T
+    p = (NUMERATOR[0] @ [z, 1]) / (z**2 + DENOMINATOR[0] @ [z, 1])
+    short = abs(abs(c * p / (1 + c * p)) - 1.0) * 1e-3
+    bare = largest(
+        cl.simulate(cao_zhang_stage(), stage_law(compensate_master=False), round_trip())
+    )
+    assert 0.3 * short < bare < 1.1 * short
+    whole = largest(cl.simulate(cao_zhang_stage(), stage_law(), round_trip()))
+    assert whole < 1e-4 * bare
+
+
+def test_the_slave_makes_up_for_a_disturbed_master():
+    """A step on the master: the tracking error is large, the contour error is not."""
+    push = StepDisturbance(axis=0, amplitude=5.0, start=1.6)
+    sine = Sinusoid(amplitude=1e-3, wavelength=6e-3, periods=3.0)
+    reference = constant_rate(sine, rate=2e-3, duration=3.0, sample_time=T)
+    recording = cl.simulate(cao_zhang_stage(), stage_law(), reference, disturbances=push)
+    window = recording.metrics_between(1.5, 3.0)
+    assert window["tracking_error_max"] > 50e-6
+    assert window["contour_error_max"] < 0.02 * window["tracking_error_max"]
+
+
+@pytest.mark.parametrize(
+    ("push", "frequencies"),
+    [
+        (StepDisturbance(axis=1, amplitude=0.5), None),
+        (SineDisturbance(axis=1, amplitude=0.5, frequency_hz=7.0), [7.0]),
+    ],
+    ids=["constant", "7 Hz"],
+)
+def test_a_known_disturbance_of_the_slave_is_taken_away(push, frequencies):
+    bare = largest(cl.simulate(cao_zhang_stage(), stage_law(), round_trip(), disturbances=push))
+    law = stage_law(disturbance_observer_hz=40.0, disturbance_frequencies_hz=frequencies)
+    known = largest(cl.simulate(cao_zhang_stage(), law, round_trip(), disturbances=push))
+    assert known < 1e-3 * bare
+    assert known < 1e-11
+
+
+def test_engaging_late_is_engaging_without_a_jump_of_the_command():
+    recording = cl.simulate(cao_zhang_stage(), stage_law(engage_time=1.0), round_trip())
+    status = np.asarray(recording["status"])
+    assert np.all(status[:1000] == 2)
+    assert np.all(status[1000:] != 2)
+    assert largest(recording) < 1e-12
+    # the PID's lag of 1 um has to be made good: K times that, and no more
+    command = np.abs(np.asarray(recording["command"])[1000:, 1])
+    assert np.max(command) < 2.0 * 1.5e6 * 1e-6 + 0.5
+
+
+def four_axis_law():
+    axis = AxisPid(
+        model=cao_zhang_stage_and_scanner().nominal, kp=[34.96e3, 11.34e3, 500.0, 500.0],
+        ki=[173.3e3, 54.11e3, 2e4, 2e4], kd=[400.0, 180.0, 0.0, 0.0],
+    )  # fmt: skip
+    gains = np.array([GAIN, 1e3 * np.array([-41.15, -26.41]), 1e3 * np.array([-41.15, -26.41])])
+    return InternalModelContouring(
+        axis=axis, master=0, numerator=NUMERATOR, denominator=DENOMINATOR, identified_at=T,
+        stabiliser_gain=gains,
+    )  # fmt: skip
+
+
+def four_axis_reference(matrix):
+    path = Lissajous(
+        amplitudes=np.array([1e-3, 1e-3, 1e-4, 1e-4]), frequencies=(1.0, 1.0, 10.0, 10.0),
+        phases=np.array([0.5 * np.pi, 0.0, 0.5 * np.pi, 0.0]),
+    )
+    reference = constant_rate(path, rate=2.0, duration=3.0, sample_time=T)
+    return replace(reference, contour=combined(path, matrix))
+
+
+def test_four_axes_move_one_tool_and_laws_of_the_tool_say_why_they_cannot():
+    machine = cao_zhang_stage_and_scanner()
+    reference = four_axis_reference(machine.tool.matrix)
+    law = four_axis_law()
+    assert largest(cl.simulate(machine, law, reference)) < 1e-12
+    coupled = CrossCoupled(axis=law.axis, estimator=TangentEstimator(), kp=1e3)
+    with pytest.raises(RefusedError, match="CrossCoupled .* 4 axes share 2 coordinates"):
+        cl.simulate(machine, coupled, reference)
+    with pytest.raises(ConfigurationError, match="FirstOrderTaskFrame is for machines of 2 or 3"):
+        FirstOrderTaskFrame(model=machine.nominal, bandwidth_hz=np.full(4, 10.0))
+    with pytest.raises(RefusedError, match="combines the axes in another way"):
+        wrong = np.abs(np.asarray(machine.tool.matrix))
+        cl.simulate(replace(machine, tool=machine.tool), law, four_axis_reference(wrong))
+    with pytest.raises(RefusedError, match=r"contours\.combined"):
+        cl.simulate(machine, law, replace(reference, contour=CIRCLE))
+
+
+def test_axes_of_third_order_go_through_the_filter():
+    """The stage behind a pole at 0.5 and a zero at -0.2: the exosystem is brought to order 3."""
+    bottom = np.array([np.convolve([1.0, *a], [1.0, -0.5])[1:] for a in DENOMINATOR[:2]])
+    top = np.array([np.convolve(b, [0.5 / 1.2, 0.1 / 1.2]) for b in NUMERATOR[:2]])
+    axes = [
+        StateSpaceAxes(
+            state_matrix=np.column_stack([-a, np.eye(3)[:, :2]]), input_matrix=b[:, None],
+            output_matrix=[[1.0, 0.0, 0.0]], sample_time=T,
+        )
+        for a, b in zip(bottom, top, strict=True)
+    ]  # fmt: skip
+    machine = replace(cao_zhang_stage(), dynamics=StateSpaceAxes.per_axis(axes))
+    # S z with α at (-2, 1), by pole placement on the companion form
+    b = top[1]
+    matrix = np.eye(3, k=1)
+    matrix[:2, 0] = 2.0, -1.0
+    scaled = b / b[0]
+    reach = np.column_stack([scaled, matrix @ scaled, matrix @ matrix @ scaled])
+    wanted = np.linalg.matrix_power(matrix - 0.3 * np.eye(3), 3)
+    gain = -(np.linalg.solve(reach.T, [0.0, 0.0, 1.0]) @ wanted) / b[0]
+    law = stage_law(numerator=top, denominator=bottom, stabiliser_gain=gain)
+    assert largest(cl.simulate(machine, law, round_trip())) < 1e-12
+
+
+def test_an_axis_that_cannot_be_inverted_is_refused():
+    """Three lags in a row, sampled: a zero at -1.8."""
+    top = np.vstack([NUMERATOR[0], 1e-6 * np.array([1.0, 1.8])])
+    with pytest.raises(RefusedError, match=r"axis 1 has one at -1\.8"):
+        stage_law(numerator=top).bind(CIRCLE, T)
+    late = np.vstack([NUMERATOR[0], [0.0, 1e-6]])
+    with pytest.raises(RefusedError, match="two samples later"):
+        stage_law(numerator=late).bind(CIRCLE, T)
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"identified_at": None}, "identified_at not given"),
+        ({"numerator": NUMERATOR}, "must have one shape"),
+        ({"axis": None}, "axis must be an axis law"),
+        ({"disturbance_frequencies_hz": [3.0]}, "goes with disturbance_observer_hz"),
+        ({"second_signal": "sine"}, "second_signal"),
+        ({"turning_width": 1.0}, "turning_width must be < 1"),
+    ],
+)
+def test_configurations_that_do_not_go_are_refused(changes, text):
+    with pytest.raises(ConfigurationError, match=text):
+        stage_law(**changes)
+
+
+def test_paths_that_do_not_go_are_refused():
+    with pytest.raises(ConfigurationError, match="identified at 0.001 s"):
+        stage_law().bind(CIRCLE, 2e-3)
+    with pytest.raises(ConfigurationError, match="stabiliser_gain must have 2 values"):
+        stage_law(stabiliser_gain=np.ones(3)).bind(CIRCLE, T)
+    with pytest.raises(RefusedError, match="axis 1 for its master: it turns back"):
+        stage_law(master=1).bind(Heart(radius=1e-3), T)
+    with pytest.raises(ConfigurationError, match="master must be one of the 2 axes"):
+        stage_law(master=2).bind(CIRCLE, T)
+    with pytest.raises(RefusedError, match="cosine of the contour parameter"):
+        lobed = Circle(radius=1e-3).scaled((1.0, 1.0)).between(0.1, 6.0)
+        stage_law(conversion="arccos").bind(join([lobed, Line(
+            start=lobed.position(6.0), end=lobed.position(6.0) + 1e-4 * np.array([0.279, 0.96])
+        )]).path, T)  # fmt: skip
+    corner = join([Line(start=(0, 0), end=(0.01, 0.0)), Line(start=(0.01, 0.0), end=(0.02, 0.01))])
+    with pytest.raises(RefusedError, match="corner"):
+        stage_law().bind(corner.path, T)
+    with pytest.raises(RefusedError, match="commands 2 axes, the path has 4"):
+        stage_law().bind(four_axis_reference(np.eye(4)[:2]).contour, T)
+
+
+# -- what they are made of ---------------------------------------------------------------------
+
+
+def test_the_pulse_model_is_the_axis_at_its_samples():
+    """M q'' + B q' + S q = K u with a held command, against scipy's discretisation."""
+    from scipy.signal import cont2discrete
+
+    axes = replace(model(), stiffness=np.array([0.0, 900.0]))
+    found = PulseModel.of_model(axes, T)
+    for k in range(2):
+        m, b = axes.mass[k], axes.viscous[k]
+        top, bottom, _ = cont2discrete(([axes.gain[k]], [m, b, axes.stiffness[k]]), T)
+        assert_allclose(found.denominator[k], bottom[1:], rtol=1e-9)
+        assert_allclose(found.numerator[k], top[0, 1:], rtol=1e-6)
+    state, command = found.rest(jnp.array([0.1, -0.2]))
+    assert_allclose(found.advance(state, command), state, atol=1e-15)
+
+
+@pytest.mark.parametrize("frequencies", [[], [0.0], [0.0, 7.0], [0.0, 3.0, 11.0]])
+def test_all_poles_of_the_observer_are_where_they_were_put(frequencies):
+    """det(z I - A + L C) = (z - λ)^n at a few z, with A built here."""
+    pulse = PulseModel(denominator=DENOMINATOR[:1], numerator=NUMERATOR[:1])
+    observer = AxisObserver.of_model(pulse, np.array([40.0]), np.asarray(frequencies, float), T)
+    size = 2 + len(observer.output)
+    whole = np.zeros((size, size))
+    whole[:2, 0] = -DENOMINATOR[0]
+    whole[0, 1] = 1.0
+    whole[:2, 2:] = np.outer(NUMERATOR[0] / NUMERATOR[0, 0], observer.output)
+    whole[2:, 2:] = observer.rotation
+    whole[:, 0] -= np.asarray(observer.gain)[0]
+    pole = np.exp(-2 * np.pi * 40.0 * T)
+    for z in (1.3, -0.7, 0.2 + 0.9j):
+        assert_allclose(np.linalg.det(z * np.eye(size) - whole), (z - pole) ** size, rtol=1e-6)
+    for f in frequencies:  # the model holds what it is to hold
+        turn = np.exp(2j * np.pi * f * T)
+        assert abs(np.linalg.det(turn * np.eye(size - 2) - np.asarray(observer.rotation))) < 1e-9
+
+
+def test_the_published_gain_is_nearly_dead_beat():
+    """Its poles at α = (-2, 1): a plus-sign feedback, |z| = 0.298."""
+    loop = closed_loop((-2.0, 1.0), NUMERATOR[1], GAIN)
+    assert_allclose(np.abs(np.linalg.eigvals(loop)), 0.298, atol=1e-3)
+
+
+def test_the_certificate_is_one():
+    """Everywhere in the box, with the scheduled gain: the state falls by ρ² a sample."""
+    design = design_stabiliser(NUMERATOR[1], half_width=0.1, decay=0.7)
+    assert design.margin > 0.0
+    rng = np.random.default_rng(0)
+    inverse = np.linalg.inv(design.lyapunov)
+
+    def weighted(share, table):
+        (s, t) = share
+        return (1 - s) * ((1 - t) * table[0, 0] + t * table[0, 1]) + s * (
+            (1 - t) * table[1, 0] + t * table[1, 1]
+        )
+
+    for now, later in rng.uniform(0, 1, (200, 2, 2)):
+        alpha = np.array([-2.0, 1.0]) + 0.1 * (2.0 * now - 1.0)
+        gain = design.gain[0] + now[0] * (design.gain[1] - design.gain[0])
+        loop = closed_loop(alpha, NUMERATOR[1], gain)
+        p, p_later = weighted(now, inverse), weighted(later, inverse)
+        falls = design.decay**2 * p - loop.T @ p_later @ loop
+        assert np.linalg.eigvalsh(falls)[0] > 0.0
+
+
+def test_how_far_the_published_gain_is_certified():
+    """Stable at frozen α well beyond; the spikes of 1.3 near a singular instant are outside."""
+    width = certified_half_width(NUMERATOR[1], GAIN)
+    assert 0.2 < width < 0.6
+    with pytest.raises(RefusedError, match="no gain is certified"):
+        design_stabiliser(NUMERATOR[1], half_width=1.5, decay=0.5)
+    with pytest.raises(ConfigurationError, match="decay must be"):
+        design_stabiliser(NUMERATOR[1], decay=1.0)
+
+
+def test_without_a_gain_one_is_found_and_its_range_is_watched():
+    law = stage_law(stabiliser_gain=None, second_signal="position")
+    bound = law.bind(CIRCLE, T)
+    assert np.all(np.asarray(bound.certificate) > 0.0)
+    recording = cl.simulate(cao_zhang_stage(), law, round_trip())
+    assert any("outside the certified" in text for text in recording.warnings)
+    assert not any(
+        "outside the certified" in text
+        for text in cl.simulate(
+            cao_zhang_stage(), replace(law, second_signal="best"), round_trip()
+        ).warnings
+    )
+
+
+# -- the PID in the position domain ------------------------------------------------------------
+
+
+def test_at_a_steady_master_it_is_the_pid_in_time():
+    """Gains ki v and kd / v: the commands of the slave agree once the master moves steadily."""
+    sine = Sinusoid(amplitude=1e-3, wavelength=6e-3, periods=3.0)
+    reference = constant_rate(sine, rate=2e-3, duration=2.0, sample_time=T)
+    law = PositionDomainPid(
+        axis=stage_pid(), kp=11.34e3, ki=54.11e3 / 2e-3, kd=180.0 * 2e-3, master=0,
+        least_speed=1e-5,
+    )  # fmt: skip
+    timed = np.asarray(cl.simulate(cao_zhang_stage(), stage_pid(), reference)["command"])
+    found = np.asarray(cl.simulate(cao_zhang_stage(), law, reference)["command"])
+    assert_allclose(found[1500:, 1], timed[1500:, 1], atol=0.02 * np.max(np.abs(timed[1500:, 1])))
+
+
+def test_conformance_of_the_pid():
+    check_controller(
+        PositionDomainPid(
+            axis=AxisPid(model=model(), kp=3000.0, ki=4000.0, kd=60.0), kp=3000.0, ki=1e5, kd=0.5,
+            master=0, least_speed=0.3, turning_width=0.2,
+        ),
+        contour=Circle(radius=0.02, center=(0.01, -0.005)),
+        inert=("axis.model.mass", "axis.model.viscous", "axis.model.coulomb"),
+    )  # fmt: skip
+
+
+@pytest.mark.slow
+def test_conformance_of_the_internal_model():
+    check_controller(
+        InternalModelContouring(
+            axis=AxisPid(model=model(limit=1e6), kp=3000.0, ki=4000.0, kd=60.0), master=0,
+            stabiliser_gain=[-3e4, -2e4], turning_width=0.2, disturbance_observer_hz=20.0,
+            disturbance_frequencies_hz=[30.0], second_signal="position", offset=0.05,
+            engage_time=0.004, observer_gain=0.05,
+        ),
+        contour=Circle(radius=0.02, center=(0.01, -0.005)),
+        inert=("axis.model.coulomb", "stabiliser_range", "stabiliser_decay"),
+    )  # fmt: skip
