@@ -63,19 +63,20 @@ CIRCLE = Circle(radius=1e-3)
 
 
 @functools.cache
-def round_trip(duration=3.0, rate=2.0):
+def round_trip(duration=5.0, rate=2.0):
     return constant_rate(CIRCLE, rate=rate, duration=duration, sample_time=T)
 
 
-def largest(recording, start=1.5):
-    return recording.metrics_between(start, 3.0)["contour_error_max"]
+def largest(recording, start=3.5):
+    """From after the master's start has died away; the master turns once after it."""
+    return recording.metrics_between(start, 5.0)["contour_error_max"]
 
 
 def test_on_its_own_model_the_contour_error_is_rounding():
     """The master lags by 1 um in phase; the slave's error is some roundings of 1 mm."""
     recording = cl.simulate(cao_zhang_stage(), stage_law(conversion="arccos"), round_trip())
-    assert largest(recording) < 1e-15
-    assert np.max(np.abs(np.asarray(recording["position_domain_error"])[1500:])) < 1e-16
+    assert largest(recording) < 1e-14
+    assert np.max(np.abs(np.asarray(recording["position_domain_error"])[1500:])) < 1e-15
     tracked = cl.simulate(cao_zhang_stage(), stage_law(), round_trip())
     assert largest(tracked) < 1e-12
 
@@ -149,7 +150,7 @@ def four_axis_reference(matrix):
         amplitudes=np.array([1e-3, 1e-3, 1e-4, 1e-4]), frequencies=(1.0, 1.0, 10.0, 10.0),
         phases=np.array([0.5 * np.pi, 0.0, 0.5 * np.pi, 0.0]),
     )
-    reference = constant_rate(path, rate=2.0, duration=3.0, sample_time=T)
+    reference = constant_rate(path, rate=2.0, duration=5.0, sample_time=T)
     return replace(reference, contour=combined(path, matrix))
 
 
@@ -209,7 +210,7 @@ def test_an_axis_that_cannot_be_inverted_is_refused():
     [
         ({"identified_at": None}, "identified_at not given"),
         ({"numerator": NUMERATOR}, "must have one shape"),
-        ({"axis": None}, "axis must be an axis law"),
+        ({"axis": AxisPid(model=model(1), kp=1.0)}, "axis must be for 2 axes or more"),
         ({"disturbance_frequencies_hz": [3.0]}, "goes with disturbance_observer_hz"),
         ({"second_signal": "sine"}, "second_signal"),
         ({"turning_width": 1.0}, "turning_width must be < 1"),
@@ -230,10 +231,8 @@ def test_paths_that_do_not_go_are_refused():
     with pytest.raises(ConfigurationError, match="master must be one of the 2 axes"):
         stage_law(master=2).bind(CIRCLE, T)
     with pytest.raises(RefusedError, match="cosine of the contour parameter"):
-        lobed = Circle(radius=1e-3).scaled((1.0, 1.0)).between(0.1, 6.0)
-        stage_law(conversion="arccos").bind(join([lobed, Line(
-            start=lobed.position(6.0), end=lobed.position(6.0) + 1e-4 * np.array([0.279, 0.96])
-        )]).path, T)  # fmt: skip
+        arc = join([CIRCLE.between(0.2, 6.0)], tolerance=1e-7)
+        stage_law(conversion="arccos").bind(arc.path, T)  # over arc length
     corner = join([Line(start=(0, 0), end=(0.01, 0.0)), Line(start=(0.01, 0.0), end=(0.02, 0.01))])
     with pytest.raises(RefusedError, match="corner"):
         stage_law().bind(corner.path, T)
@@ -321,14 +320,11 @@ def test_without_a_gain_one_is_found_and_its_range_is_watched():
     law = stage_law(stabiliser_gain=None, second_signal="position")
     bound = law.bind(CIRCLE, T)
     assert np.all(np.asarray(bound.certificate) > 0.0)
-    recording = cl.simulate(cao_zhang_stage(), law, round_trip())
-    assert any("outside the certified" in text for text in recording.warnings)
-    assert not any(
-        "outside the certified" in text
-        for text in cl.simulate(
-            cao_zhang_stage(), replace(law, second_signal="best"), round_trip()
-        ).warnings
-    )
+    for signal, outside in (("position", True), ("best", False)):
+        recording = cl.simulate(
+            cao_zhang_stage(), replace(law, second_signal=signal), round_trip()
+        )
+        assert np.any(np.asarray(recording["status"])[1000:] == 3) == outside
 
 
 # -- the PID in the position domain ------------------------------------------------------------
@@ -347,13 +343,19 @@ def test_at_a_steady_master_it_is_the_pid_in_time():
     assert_allclose(found[1500:, 1], timed[1500:, 1], atol=0.02 * np.max(np.abs(timed[1500:, 1])))
 
 
+DISC = Circle(radius=0.02, center=(0.01, -0.005))
+MOVING = constant_rate(DISC, rate=34.0, duration=0.059, sample_time=T, start=0.5)
+"""From 0.5 to 2.5 rad: the way does not change its sign, at which its derivative would jump."""
+
+
+@pytest.mark.slow
 def test_conformance_of_the_pid():
     check_controller(
         PositionDomainPid(
             axis=AxisPid(model=model(), kp=3000.0, ki=4000.0, kd=60.0), kp=3000.0, ki=1e5, kd=0.5,
             master=0, least_speed=0.3, turning_width=0.2,
         ),
-        contour=Circle(radius=0.02, center=(0.01, -0.005)),
+        contour=DISC, reference=MOVING,
         inert=("axis.model.mass", "axis.model.viscous", "axis.model.coulomb"),
     )  # fmt: skip
 
@@ -365,8 +367,8 @@ def test_conformance_of_the_internal_model():
             axis=AxisPid(model=model(limit=1e6), kp=3000.0, ki=4000.0, kd=60.0), master=0,
             stabiliser_gain=[-3e4, -2e4], turning_width=0.2, disturbance_observer_hz=20.0,
             disturbance_frequencies_hz=[30.0], second_signal="position", offset=0.05,
-            engage_time=0.004, observer_gain=0.05,
+            engage_time=0.004, observer_gain=0.05, compensate_master=False,
         ),
-        contour=Circle(radius=0.02, center=(0.01, -0.005)),
+        contour=DISC, reference=MOVING,
         inert=("axis.model.coulomb", "stabiliser_range", "stabiliser_decay"),
     )  # fmt: skip
