@@ -99,5 +99,6 @@ for file in sys.argv[1:]:
     plot.set_xlabel("time with the tool on [s]")
     plot.set_ylabel("contour error [µm]")
     plot.set_ylim(1e-4, None)
-    plot.legend(frameon=False, ncols=2)
+    plot.margins(x=0.0)
+    figure.legend(loc="outside upper left", frameon=False, ncols=2)
     figure.savefig(Path(file), dpi=120)

@@ -156,9 +156,7 @@ def test_without_division_it_is_the_same_input():
         by_memory = unit.output(model, jnp.asarray(delta[k, :1]), jnp.array([u_r]))
         assert_allclose(by_memory[0], by_q, rtol=1e-6)
         xi = one.phi * xi - one.psi * u_r
-        unit = unit.advance(
-            model, jnp.asarray(delta[k : k + 1]), jnp.array([u_r]), by_memory
-        )
+        unit = unit.advance(model, jnp.asarray(delta[k : k + 1]), jnp.array([u_r]), by_memory)
 
 
 @pytest.mark.parametrize("order", [2, 3, 4])

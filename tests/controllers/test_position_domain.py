@@ -144,7 +144,9 @@ def test_a_coordinate_that_turns_back_within_its_range_is_refused_with_where():
     assert why_not_master(tilted, 1) == ""
     heart = Heart(radius=0.02, smoothing=0.05)
     assert why_not_master(heart, 0) == ""
-    with pytest.raises(RefusedError, match=r"axis 1 for its master: it turns back at .* axis 0 could"):
+    with pytest.raises(
+        RefusedError, match=r"axis 1 for its master: it turns back at .* axis 0 could"
+    ):
         master_motion("Law", heart, 1, NAMES)
 
 
@@ -181,5 +183,3 @@ def test_arcs_of_a_path_can_have_a_master():
     reference = np.linspace(0.3, 2.7, 100)
     position = 0.02 * np.cos(reference - 0.01)
     assert_allclose(located(where, position, reference)[1:], reference[1:] - 0.01, atol=1e-12)
-
-
