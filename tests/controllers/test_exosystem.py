@@ -1,4 +1,4 @@
-"""The recurrence of a reference, the immersion that follows it, and the master's place on a path."""
+"""The recurrence that a reference obeys, and the immersion that follows it."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -85,7 +85,7 @@ def test_where_it_stands_a_straight_line_stands_in(value):
 
 
 def test_where_the_exosystem_turns():
-    """tan s = s at 4.4934: singular with the position, never with the slope; a circle turns at 1."""
+    """tan s = s at 4.4934: singular with the position, never with the slope."""
     s = np.linspace(4.0, 5.0, 101)[:, None]
     one = np.ones_like(s)
     assert turning(np.sin(s), np.cos(s), s, one)[0] == 0.0

@@ -159,13 +159,13 @@ def test_four_axes_move_one_tool_and_laws_of_the_tool_say_why_they_cannot():
     law = four_axis_law()
     assert largest(cl.simulate(machine, law, reference)) < 1e-12
     coupled = CrossCoupled(axis=law.axis, estimator=TangentEstimator(), kp=1e3)
-    with pytest.raises(RefusedError, match="CrossCoupled .* 4 axes share 2 coordinates"):
+    with pytest.raises(RefusedError, match=r"CrossCoupled .* 4 axes share 2 coordinates"):
         cl.simulate(machine, coupled, reference)
     with pytest.raises(ConfigurationError, match="FirstOrderTaskFrame is for machines of 2 or 3"):
         FirstOrderTaskFrame(model=machine.nominal, bandwidth_hz=np.full(4, 10.0))
+    other = four_axis_reference(np.abs(np.asarray(machine.tool.matrix)))
     with pytest.raises(RefusedError, match="combines the axes in another way"):
-        wrong = np.abs(np.asarray(machine.tool.matrix))
-        cl.simulate(replace(machine, tool=machine.tool), law, four_axis_reference(wrong))
+        cl.simulate(machine, law, other)
     with pytest.raises(RefusedError, match=r"contours\.combined"):
         cl.simulate(machine, law, replace(reference, contour=CIRCLE))
 
@@ -225,13 +225,13 @@ def test_paths_that_do_not_go_are_refused():
         stage_law().bind(CIRCLE, 2e-3)
     with pytest.raises(ConfigurationError, match="stabiliser_gain must have 2 values"):
         stage_law(stabiliser_gain=np.ones(3)).bind(CIRCLE, T)
-    with pytest.raises(RefusedError, match="axis 1 for its master: it turns back"):
+    with pytest.raises(RefusedError, match=r"axis 1 for its master: it turns back"):
         stage_law(master=1).bind(Heart(radius=1e-3), T)
     with pytest.raises(ConfigurationError, match="master must be one of the 2 axes"):
         stage_law(master=2).bind(CIRCLE, T)
+    arc = join([CIRCLE.between(0.2, 6.0)], tolerance=1e-7).path  # over arc length
     with pytest.raises(RefusedError, match="cosine of the contour parameter"):
-        arc = join([CIRCLE.between(0.2, 6.0)], tolerance=1e-7)
-        stage_law(conversion="arccos").bind(arc.path, T)  # over arc length
+        stage_law(conversion="arccos").bind(arc, T)
     corner = join([Line(start=(0, 0), end=(0.01, 0.0)), Line(start=(0.01, 0.0), end=(0.02, 0.01))])
     with pytest.raises(RefusedError, match="corner"):
         stage_law().bind(corner.path, T)

@@ -1,5 +1,7 @@
 """From the master's position to the place on the path, and which axis can be the master."""
 
+import itertools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -126,7 +128,7 @@ def test_a_monotone_master_is_found_by_its_root():
 
 def rectangle():
     corners = [(0.0, 0.0), (0.02, 0.0), (0.02, 0.01), (0.0, 0.01), (0.0, 0.0)]
-    return join([Line(start=a, end=b) for a, b in zip(corners, corners[1:], strict=False)]).path
+    return join([Line(start=a, end=b) for a, b in itertools.pairwise(corners)]).path
 
 
 def test_a_rectangle_makes_the_master_stand_still():
@@ -144,9 +146,7 @@ def test_a_coordinate_that_turns_back_within_its_range_is_refused_with_where():
     assert why_not_master(tilted, 1) == ""
     heart = Heart(radius=0.02, smoothing=0.05)
     assert why_not_master(heart, 0) == ""
-    with pytest.raises(
-        RefusedError, match=r"axis 1 for its master: it turns back at .* axis 0 could"
-    ):
+    with pytest.raises(RefusedError, match=r"it turns back at .* axis 0 could"):
         master_motion("Law", heart, 1, NAMES)
 
 

@@ -49,6 +49,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -73,7 +74,7 @@ from contourlab.controllers.position_domain_law import (
 from contourlab.controllers.pulse_model import AxisObserver, ObserverState, PulseModel
 from contourlab.controllers.second_signal import SecondSignal
 from contourlab.recordings.sample import Sample
-from contourlab.typing import Array, AxisVector, Count, Scalar, Vector
+from contourlab.typing import Array, AxisVector, Count, Flag, Scalar, Vector
 
 __all__ = ["BoundInternalModelContouring", "InternalModelContouring", "InternalModelState"]
 
@@ -111,7 +112,7 @@ class InternalModelState(NamedTuple):
     """u_st as applied since then."""
     last_step: Array
     """α1 at the last step, its error e [m], and whether there was a recurrence: (3, n_slaves)."""
-    count: Count
+    samples: Count
     """Samples so far, int32."""
     status: Count
     """Index into ``statuses``, int32."""
@@ -325,7 +326,7 @@ class BoundInternalModelContouring(BoundController):
             by_model=command,
             by_gain=zero,
             last_step=jnp.stack([zero - 2.0, zero, zero]),
-            count=jnp.zeros((), jnp.int32),
+            samples=jnp.zeros((), jnp.int32),
             status=jnp.zeros((), jnp.int32),
         )
 
@@ -371,10 +372,10 @@ class BoundInternalModelContouring(BoundController):
         error = sample.position[own] - f[1]
 
         by_model = unit.output(model, alpha - model.denominator[:, 0], u_r)
-        hidden = observed.at[:, 0].add(self.observer_gain * error)  # x̂_b of (36)
+        hidden = jnp.asarray(observed).at[:, 0].add(self.observer_gain * error)  # x̂_b of (36)
         by_gain = self._gain(alpha, error, hidden)
         push = self.slave_observer.disturbance(state.disturbed)
-        engaged = (sample.time >= self.engage_time - 1e-12) & (state.count >= order)
+        engaged = (sample.time >= self.engage_time - 1e-12) & (state.samples >= order)
         slaves = jnp.where(engaged, by_model + by_gain - push, by_axes[own])  # (42)
         wanted = jnp.asarray(by_axes).at[own].set(slaves)
         command = clip(wanted, limit)
@@ -396,7 +397,7 @@ class BoundInternalModelContouring(BoundController):
             by_model=jnp.where(engaged, by_model, ahead),
             by_gain=jnp.where(engaged, applied - by_model, 0.0),
             last_step=jnp.stack([alpha, error, well]),
-            count=state.count + 1,
+            samples=state.samples + 1,
             status=self._status(wanted, command, engaged, alpha, before[:, 1], well),
         )
 
@@ -440,7 +441,9 @@ class BoundInternalModelContouring(BoundController):
         lead = state.observed[:, 0] + gain * state.error  # first of x̂_b
         shifted = jnp.concatenate([state.observed[:, 1:], jnp.zeros_like(b[:, :1])], -1)
         # A22 x̂_b + A21 e + B2 u_st, less F times what is predicted of e
-        ahead = shifted - alpha[:, 1:] * state.error[:, None] + b[:, 1:] * state.by_gain[:, None]
+        ahead: jax.Array = (
+            shifted - alpha[:, 1:] * state.error[:, None] + b[:, 1:] * state.by_gain[:, None]
+        )
         next_error = lead - alpha[:, 0] * state.error + b[:, 0] * state.by_gain
         return ahead.at[:, 0].add(-gain * next_error)
 
@@ -467,7 +470,7 @@ class BoundInternalModelContouring(BoundController):
         return total / jnp.sum(model.numerator, -1)
 
     def _status(
-        self, wanted: AxisVector, command: AxisVector, engaged: Array, alpha_now: Vector,
+        self, wanted: AxisVector, command: AxisVector, engaged: Flag, alpha_now: Vector,
         alpha_before: Vector, well: Vector,
     ) -> Count:  # fmt: skip
         outside = jnp.any(jnp.abs(alpha_now + 2.0) > self.half_width) | jnp.any(

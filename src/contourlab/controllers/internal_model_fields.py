@@ -39,7 +39,7 @@ def check_fields(law: InternalModelContouring) -> None:
             f"{', '.join(missing)} not given"
         )
     if not missing:
-        shapes = {np.shape(identified[name]) for name in ("numerator", "denominator")}
+        shapes = {np.shape(np.asarray(identified[name])) for name in ("numerator", "denominator")}
         shape = next(iter(shapes))
         if len(shapes) > 1 or len(shape) != 2 or shape[0] != law.axis.n_axes or shape[1] < 2:
             raise ConfigurationError(

@@ -219,7 +219,7 @@ def path_grid(path: Contour) -> NDArray[Any]:
         In the space of the axes.
     """
     low, high = (float(np.asarray(end)) for end in path.domain)
-    return np.linspace(low, high, POINTS + 1)  # type: ignore[no-any-return]
+    return np.linspace(low, high, POINTS + 1)
 
 
 def _rows(path: Contour, axis: int) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
@@ -252,7 +252,7 @@ def _refined(
         here = np.asarray(path_rows(path, middle, 1))
         before = (here[:, 1, axis] > 0.0) == rising
         low, high = np.where(before, middle, low), np.where(before, high, middle)
-    return 0.5 * (low + high)
+    return np.asarray(0.5 * (low + high))
 
 
 def _ends(

@@ -72,7 +72,7 @@ def refuse_no_axis_law(axis: object) -> None:
 
 def bound_domain(
     law: str, contour: Contour, axis: AxisController, master: int | None, conversion: str,
-    turning_width: Array,
+    turning_width: Scalar,
 ) -> PositionDomain:  # fmt: skip
     """Return the position domain of a path, with the master that was asked for or chosen.
 
@@ -118,7 +118,7 @@ def bound_domain(
             "conversion 'tracked'"
         )
     return PositionDomain(
-        path=path, motion=motion, turning_width=turning_width, conversion=conversion
+        path=path, motion=motion, turning_width=np.asarray(turning_width), conversion=conversion
     )
 
 
@@ -171,7 +171,7 @@ class MasterCompensation(Configuration):
             ]),
             spring=jnp.asarray(spring, float),
             numerator=model.numerator[k], denominator=model.denominator[k],
-            sample_time=sample_time, on_error=1.0 if axis.on_error else 0.0,
+            sample_time=sample_time, on_error=np.asarray(float(axis.on_error)),
         )  # fmt: skip
 
     def inverse(self, omega: Scalar) -> Complex:
@@ -185,7 +185,7 @@ class MasterCompensation(Configuration):
         kp, ki, kd, decay, velocity, acceleration = (self.gains[k] for k in range(6))
         time = self.sample_time
         z = (jnp.cos(omega * time), jnp.sin(omega * time))
-        one = (jnp.ones(()), jnp.zeros(()))
+        one: Complex = (jnp.ones(()), jnp.zeros(()))
         back = (z[0], -z[1])  # 1/z on the unit circle
         slope = _times(
             _over(_minus(one, back), _minus(one, (decay * back[0], decay * back[1]))),
@@ -199,7 +199,8 @@ class MasterCompensation(Configuration):
             steady[0] + share * slope[0] + self.spring - acceleration * omega**2,
             steady[1] + share * slope[1] + velocity * omega,
         )
-        top, bottom = (jnp.zeros(()), jnp.zeros(())), one
+        top: Complex = (jnp.zeros(()), jnp.zeros(()))
+        bottom: Complex = one
         for k in range(np.shape(self.numerator)[0]):
             top, bottom = _times(top, z), _times(bottom, z)
             top = (top[0] + self.numerator[k], top[1])

@@ -33,7 +33,7 @@ class SecondSignal(Configuration):
 
     @staticmethod
     def along(
-        domain: PositionDomain, slaves: tuple[int, ...], name: str, offset: Array
+        domain: PositionDomain, slaves: tuple[int, ...], name: str, offset: Scalar
     ) -> SecondSignal:
         """Return the second signal of a path.
 
@@ -79,7 +79,7 @@ class SecondSignal(Configuration):
             else np.full(len(own), SIGNALS.index(name) - 1)
         )
         choice = (np.arange(3)[:, None] == taken).astype(float)
-        return SecondSignal(choice=choice, scale=scale, turning=turns, offset=offset)
+        return SecondSignal(choice=choice, scale=scale, turning=turns, offset=np.asarray(offset))
 
     def value(
         self, domain: PositionDomain, parameter: Scalar, target: AxisVector, slope: AxisVector,

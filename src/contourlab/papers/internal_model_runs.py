@@ -186,13 +186,15 @@ def simulated_reference(
     curve: Contour
     if contour == "sinusoid":
         curve = Sinusoid(
-            amplitude=np.asarray(size), wavelength=np.asarray(2.0 * np.pi * size), periods=5.0
+            amplitude=np.asarray(size),
+            wavelength=np.asarray(2.0 * np.pi * size),
+            periods=np.asarray(5.0),
         )
         return constant_rate(curve, rate=size, duration=duration, sample_time=sample_time)
     if contour == "circle":
         curve = Circle(radius=np.asarray(size))
     else:
-        curve = Heart(radius=np.asarray(size), smoothing=SMOOTHING)
+        curve = Heart(radius=np.asarray(size), smoothing=np.asarray(SMOOTHING))
     return constant_rate(curve, rate=1.0, duration=duration, sample_time=sample_time)
 
 
@@ -205,7 +207,9 @@ def shaken_reference(duration: float = 20.0) -> Reference:
         [s].
     """
     t = SAMPLE_TIME * np.arange(round(duration / SAMPLE_TIME) + 1)
-    contour = Sinusoid(amplitude=1e-3, wavelength=2e-3 * np.pi, periods=5.0)
+    contour = Sinusoid(
+        amplitude=np.asarray(1e-3), wavelength=np.asarray(2e-3 * np.pi), periods=np.asarray(5.0)
+    )
     return Reference.along(
         contour, sample_time=SAMPLE_TIME,
         parameter=1e-3 * (t + 0.1 * np.sin(5.0 * t)),
@@ -228,7 +232,11 @@ def hardware_reference(contour: str, duration: float = 20.0) -> Reference:
     """
     curve: Contour
     if contour == "sinusoid":  # r1 = 0.1 π t, r2 = 30 sin 0.5 π t: y = 30 sin 5 x in mm
-        curve = Sinusoid(amplitude=0.03, wavelength=np.asarray(0.4e-3 * np.pi), periods=6.0)
+        curve = Sinusoid(
+            amplitude=np.asarray(0.03),
+            wavelength=np.asarray(0.4e-3 * np.pi),
+            periods=np.asarray(6.0),
+        )
         rate = 1e-4 * np.pi
     elif contour == "circle":
         curve, rate = Circle(radius=np.asarray(0.03)), 0.5 * np.pi

@@ -55,6 +55,8 @@ DENOMINATORS = ((-1.9734, 0.9735), (-1.9581, 0.9583), (-1.7387, 0.7529), (-1.726
 """a1 and a2 of z² + a1 z + a2: minus the first columns of G in (43) and (44)."""
 NUMERATORS = ((2.5259e-4, 2.5034e-4), (6.8214e-4, 6.7253e-4), (0.0270, 0.0246), (0.0253, 0.0228))
 """b1 and b2 of b1 z + b2 [mm per V]: H in (43) and (44)."""
+TOOL = np.array([[1.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, -1.0]])
+"""Relative position: stage less scanner."""
 _OPEN = (
     "The paper prints no units of its models; assumed: mm and volts.",
     "It names no limits of the drives; assumed: none.",
@@ -92,7 +94,7 @@ def cao_zhang_stage_and_scanner() -> Machine:
     """Return stage and scanner: four axes, X1 to X4, the tool at (y1 - y3, y2 - y4)."""
     return Machine(
         names=("X1", "X2", "X3", "X4"), dynamics=_printed(4), drive=Drive(command="voltage"),
-        sensor=Encoder(), tool=LinearTool(matrix=((1.0, 0.0, -1.0, 0.0), (0.0, 1.0, 0.0, -1.0))),
+        sensor=Encoder(), tool=LinearTool(matrix=TOOL),
         nominal_model=_nominal(4),
         assumed=(*_OPEN, "The focal distance of 100 is taken to be in (44) already."),
         title="XY stage and scanner", source="Cao and Zhang, (43) and (44)",
