@@ -44,7 +44,8 @@ def check_fields(law: InternalModelContouring) -> None:
         if len(shapes) > 1 or len(shape) != 2 or shape[0] != law.axis.n_axes or shape[1] < 2:
             raise ConfigurationError(
                 f"numerator and denominator must have one shape, ({law.axis.n_axes}, n) with "
-                f"n >= 2, got {np.shape(law.numerator)} and {np.shape(law.denominator)}"
+                f"n >= 2, got {np.shape(np.asarray(law.numerator))} and "
+                f"{np.shape(np.asarray(law.denominator))}"
             )
     if law.disturbance_frequencies_hz is not None and law.disturbance_observer_hz is None:
         raise ConfigurationError(
