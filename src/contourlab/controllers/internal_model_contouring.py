@@ -47,8 +47,6 @@ driven by what was applied.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -65,57 +63,19 @@ from contourlab.controllers.base import BoundController, Controller, Needs
 from contourlab.controllers.exosystem import SIGNALS, alpha_1, alpha_2
 from contourlab.controllers.immersion import InternalUnit
 from contourlab.controllers.internal_model_fields import bound_model, bound_stabiliser, check_fields
+from contourlab.controllers.internal_model_state import InternalModelState
 from contourlab.controllers.position_domain import PositionDomain, PositionDomainState
 from contourlab.controllers.position_domain_law import (
     MasterCompensation,
     bound_domain,
     refuse_no_axis_law,
 )
-from contourlab.controllers.pulse_model import AxisObserver, ObserverState, PulseModel
+from contourlab.controllers.pulse_model import AxisObserver, PulseModel
 from contourlab.controllers.second_signal import SecondSignal
 from contourlab.recordings.sample import Sample
 from contourlab.typing import Array, AxisVector, Count, Flag, Scalar, Vector
 
 __all__ = ["BoundInternalModelContouring", "InternalModelContouring", "InternalModelState"]
-
-
-class InternalModelState(NamedTuple):
-    """What the law remembers; vectors have one value per slave, "last" is one sample before."""
-
-    axis: Any
-    """State of the axis law."""
-    domain: PositionDomainState
-    """Where the master was predicted to be at this instant."""
-    master: ObserverState
-    """Of the master, predicted for this instant."""
-    disturbed: ObserverState
-    """Of the slaves, likewise."""
-    reference: Array
-    """f at the last instant and at this one, shape (2, n_slaves) [m]."""
-    second: Array
-    """g at the last instant and at this one [m]."""
-    alpha: Vector
-    """α1 at the last instant."""
-    copy: Array
-    """ξ1, the axes' copy, at the last instant, shape (n_slaves, n) [m]."""
-    unit: InternalUnit
-    """η, at the last instant."""
-    observed: Array
-    """ẑ at the last instant, shape (n_slaves, n - 1)."""
-    error: Vector
-    """e at the last instant [m]."""
-    applied: Vector
-    """Command that drove the copy since then."""
-    by_model: Vector
-    """u_im of the last instant."""
-    by_gain: Vector
-    """u_st as applied since then."""
-    last_step: Array
-    """α1 at the last step, its error e [m], and whether there was a recurrence: (3, n_slaves)."""
-    samples: Count
-    """Samples so far, int32."""
-    status: Count
-    """Index into ``statuses``, int32."""
 
 
 class InternalModelContouring(Controller):
