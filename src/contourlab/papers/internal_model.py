@@ -73,6 +73,8 @@ ASSUMED = (
     "and its amplitude compensated (Remark 4.1).",
     "The experiments are an emulation: dry friction of 0.05 V, gains of +2 and -2 %, encoders of "
     "10 nm (printed). Friction and gain errors are assumed, not fitted.",
+    "The cross-coupling acts from the start, which lies before the window; in the experiments the "
+    "paper enables it later and does not say when.",
     f"Until they are engaged, at 8 s, X3 and X4 run by a PID of {SCANNER_PID[0][0]:g} V/mm and "
     f"{SCANNER_PID[1][0]:g} V/(mm s).",
 )
