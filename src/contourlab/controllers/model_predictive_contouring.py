@@ -349,9 +349,10 @@ class BoundModelPredictiveContouring(BoundController):
         piece = state.piece
         kept = plan
         multipliers = state.multipliers
-        good: Flag = jnp.ones((), bool)
-        over, iterations = jnp.zeros(()), jnp.zeros((), jnp.int32)
-        here = None
+        good: Array = jnp.ones((), bool)
+        over: Array = jnp.zeros(())
+        iterations: Array = jnp.zeros((), jnp.int32)
+        here: Any = None
         for _ in range(self.passes):
             points, piece = self.path.points(plan.progress, piece)
             here = jax.tree.map(lambda x: x[0], points) if here is None else here
@@ -387,7 +388,7 @@ class BoundModelPredictiveContouring(BoundController):
             error=error - here.tangent * (here.tangent @ error),
             iterations=iterations,
             status=status,
-            arrived=self._arrived(now, state).astype(jnp.int32),
+            arrived=jnp.asarray(self._arrived(now, state), jnp.int32),
         )
 
     def program_at(self, state: PredictiveState, sample: Sample) -> StagedProgram:
@@ -442,7 +443,7 @@ class BoundModelPredictiveContouring(BoundController):
             "path_parameter": jnp.asarray(self.path.parameter(last)),
             "path_speed": state.applied[-1],
             "disturbance": state.observed.disturbance,
-            "iterations": state.iterations,
+            "iterations": jnp.asarray(state.iterations),
         }
 
     def status(self, state: PredictiveState) -> Count:
