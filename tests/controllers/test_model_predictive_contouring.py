@@ -337,10 +337,10 @@ class _Loop:
 
         return dataclasses.replace(self.sample, position=position)
 
-    def run(self, n, measured=None):
+    def run(self, n, lost=None):
         commands = []
         for _ in range(n):
-            shown = self.position if measured is None else measured
+            shown = self.position if lost is None else self.position.at[lost].set(jnp.nan)
             command, self.state = self.step(self.bound, self.state, self.at(shown))
             axes = self.bound.planner.axes
             self.position, self.velocity = axes.after(self.position, self.velocity, command)
@@ -351,7 +351,7 @@ class _Loop:
 def test_a_lost_measurement_is_replaced_by_the_model():
     loop = _Loop()
     loop.run(5)
-    loop.run(3, jnp.array([jnp.nan, 0.0]))
+    loop.run(3, lost=0)
     assert int(loop.bound.status(loop.state)) == 2
     commands = loop.run(3)
     assert np.all(np.isfinite(commands))

@@ -149,6 +149,16 @@ def test_a_failed_solve_says_so():
     assert not bool(solve(lost, jnp.zeros((N, N_U))).converged)
 
 
+def test_a_start_with_the_multiplier_of_a_hard_row_at_one_is_no_accident():
+    """The cold start's multiplier of a row at its bound: 1, which is also its idle penalty."""
+    p = program(0)
+    still = eqx.tree_at(
+        lambda q: (q.start, q.gradient, q.terminal_gradient, q.lower), p,
+        (0.0 * p.start, 1e-3 * p.gradient, 0.0 * p.terminal_gradient, p.lower.at[:, 0].set(0.0)),
+    )  # fmt: skip
+    assert bool(solve(still, jnp.zeros((N, N_U))).converged)
+
+
 def test_a_batch_is_its_members():
     several = [program(1, far=far) for far in (0.0, 1.0, 4.0)]
     together = jax.tree.map(lambda *leaves: jnp.stack(leaves), *several)

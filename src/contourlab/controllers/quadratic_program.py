@@ -89,7 +89,7 @@ class Multipliers(NamedTuple):
     excess: Array
     """e, 0 where hard."""
     margin: Array
-    """ρ - λ, which rounding would take from their difference."""
+    """ρ - λ, which rounding would take from their difference; 1 where hard."""
 
 
 class Solution(NamedTuple):
@@ -223,7 +223,10 @@ def _start(
     multiplier = jnp.where(on, multiplier, 0.0)
     return _Iterate(
         states, inputs,
-        Multipliers(jnp.where(on, slack, 1.0), multiplier, excess, sides.penalty - multiplier),
+        Multipliers(
+            jnp.where(on, slack, 1.0), multiplier, excess,
+            jnp.where(soft, sides.penalty - multiplier, 1.0),
+        ),
     )  # fmt: skip
 
 
@@ -282,7 +285,7 @@ def _step(
         d_lam = weight * (_both(_times(program.rows, dy)) + known)
         d_t = sides.on * (-r_t - t * d_lam) / safe
         d_e = (-r_e + excess * d_lam) / nu
-        return dx, du, Multipliers(d_t, d_lam, d_e, -d_lam)
+        return dx, du, Multipliers(d_t, d_lam, d_e, -sides.soft * d_lam)
 
     def longest(d: Multipliers) -> Array:
         def reach(value: Array, change: Array, mask: Array) -> Array:
@@ -350,7 +353,7 @@ def _last_step(program: StagedProgram, now: _Iterate, barrier: float) -> _Iterat
         now.states + dx, now.inputs + du,
         Multipliers(
             t + sides.on * (-r_t - t * d_lam) / safe, lam + d_lam,
-            excess + (-r_e + excess * d_lam) / nu, nu - d_lam,
+            excess + (-r_e + excess * d_lam) / nu, nu - sides.soft * d_lam,
         ),
     )  # fmt: skip
 
