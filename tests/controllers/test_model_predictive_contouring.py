@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import contourlab as cl
-from contourlab.contours import Circle, FigureEight, Helix, Line, Path
+from contourlab.contours import Circle, Ellipse, FigureEight, Helix, Line, Path
 from contourlab.controllers import ModelPredictiveContouring
 from contourlab.controllers.model_predictive_contouring_axes import Observed, held_axes, observer
 from contourlab.controllers.model_predictive_contouring_path import progress_path
@@ -348,6 +348,23 @@ class _Loop:
         return np.array(commands)
 
 
+def test_a_first_measurement_that_is_lost_does_no_harm_for_ever():
+    loop = _Loop()
+    lost = loop.sample.reference.position.at[0].set(jnp.nan)
+    loop.state = loop.bound.init(loop.at(lost))
+    commands = loop.run(30)
+    assert np.all(np.isfinite(commands))
+    assert int(loop.bound.status(loop.state)) in (0, 1)
+
+
+def test_a_contour_that_its_table_cannot_follow_is_refused():
+    slender = Ellipse(semi_axes=(0.05, 0.0005))
+    with pytest.raises(RefusedError, match=r"varies too sharply .* give it as a Path"):
+        law(drive()).bind(slender, T)
+    ends = progress_path(Ellipse(semi_axes=(0.05, 0.005))).parameters
+    assert_allclose(np.asarray(ends)[[0, -1]], [0.0, 2.0 * np.pi], rtol=0, atol=0)
+
+
 def test_a_lost_measurement_is_replaced_by_the_model():
     loop = _Loop()
     loop.run(5)
@@ -358,6 +375,15 @@ def test_a_lost_measurement_is_replaced_by_the_model():
     assert int(loop.bound.status(loop.state)) == 0
     error = loop.bound.telemetry(loop.state)["contour_error_estimate"]
     assert float(jnp.max(jnp.abs(error))) < 1e-6
+
+
+def test_braking_keeps_the_limit_of_a_command_s_step():
+    loop = _Loop(command_step_limit=0.2)
+    loop.run(20)
+    loop.bound = cl.replace(loop.bound, max_iterations=1)
+    steps = np.abs(np.diff(loop.run(60), axis=0))
+    assert int(loop.bound.status(loop.state)) == 3
+    assert steps.max() <= 0.2 * (1.0 + 1e-9)
 
 
 def test_without_a_solution_the_last_plan_goes_on_and_brakes():

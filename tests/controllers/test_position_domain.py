@@ -183,3 +183,13 @@ def test_arcs_of_a_path_can_have_a_master():
     reference = np.linspace(0.3, 2.7, 100)
     position = 0.02 * np.cos(reference - 0.01)
     assert_allclose(located(where, position, reference)[1:], reference[1:] - 0.01, atol=1e-12)
+
+
+def test_a_monotone_master_beyond_the_end_of_its_path_stays_there():
+    """Half a circle: its master begins at a standstill, and an encoder shows 10 nm more."""
+    half = Circle(radius=0.02).between(0.0, np.pi)
+    shown = 0.02 * np.cos(1e-3) + np.array([0.0, 1e-8, -1e-8, 1e-8, 1e-6])
+    found = located(domain(half), shown, np.full(5, 1e-3))
+    assert np.max(np.abs(found)) < 0.05
+    ahead = 0.02 * np.cos(np.array([1.0, 1.1]))
+    assert_allclose(located(domain(half), ahead, [1.05, 1.05]), [1.0, 1.1], rtol=0, atol=1e-12)

@@ -24,8 +24,9 @@ disturbance, makes the law return as fast as ``limit_penalty`` says, and the sta
 contour error is limited as the plan sees it, to first order in its change, and the lag with it,
 since at a corner what was across the path is along it; in space in two directions across.
 
-**When a solve fails** (it never did on the stored cases) or a measurement is not finite, the law
-goes on with its last plan, and brakes where that ends; the status tells.
+**When a solve fails** the law goes on with its last plan, and brakes where that ends. A measurement
+that is not finite is replaced by what the model predicts, for as long as that lasts. The status
+tells of both.
 
 A corner is approached no faster than the axes can slow down for it, and at the end of the horizon
 the speed must be one from which they can slow down for every turn ahead, and stop
@@ -327,8 +328,11 @@ class BoundModelPredictiveContouring(BoundController):
             ).lower
         ).shape  # fmt: skip
         none = jnp.zeros((2, *shape))
+        # a first measurement that is lost would be with the observer for ever
+        known = jnp.isfinite(sample.position)
+        position = jnp.where(known, sample.position, sample.reference.position)
         return PredictiveState(
-            Observed(sample.position, zero, zero), start, jnp.asarray(end), inputs,
+            Observed(position, zero, zero), start, jnp.asarray(end), inputs,
             jnp.zeros((big, n)), jnp.zeros(n + 1), Multipliers(none, none, none, none), piece,
             zero, whole, whole, whole,
         )  # fmt: skip
@@ -419,7 +423,12 @@ class BoundModelPredictiveContouring(BoundController):
         axes = self.planner.axes
         limit = self.planner.limits.command
         stop = -axes.velocity_from_velocity * plan.velocities[-1] / axes.velocity_from_command
-        brake = jnp.append(jnp.clip(stop, -limit, limit), 0.0)
+        stop = jnp.clip(stop, -limit, limit)
+        step = self.planner.limits.command_step
+        if step is not None:
+            before = plan.inputs[-1, :-1]
+            stop = jnp.clip(stop, before - step, before + step)
+        brake = jnp.append(stop, 0.0)
         return jnp.where(good, plan.inputs[-1], brake)
 
     def _arrived(self, now: Observed, state: PredictiveState) -> Flag:

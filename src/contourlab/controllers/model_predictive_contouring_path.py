@@ -16,14 +16,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from contourlab.configuration import is_concrete
 from contourlab.contours.base import Contour, unit
 from contourlab.contours.path import Path
+from contourlab.errors import RefusedError
 from contourlab.typing import Array, AxisVector, Count, Scalar
 
 __all__ = ["PathPoint", "ProgressPath", "progress_path"]
 
 NODES = 1024
 """Intervals of the table."""
+CLOSURE = 1e-4
+"""Share of the parameter range by which the table may miss the end."""
 
 
 class PathPoint(NamedTuple):
@@ -127,6 +131,12 @@ def progress_path(contour: Contour) -> ProgressPath:
     ----------
     contour
         Any whose speed does not vanish.
+
+    Raises
+    ------
+    RefusedError
+        A contour whose speed varies so sharply that the table over arc length misses its end; not
+        looked at while it is traced.
     """
     length = jnp.asarray(contour.length)
     if isinstance(contour, Path):
@@ -147,8 +157,21 @@ def progress_path(contour: Contour) -> ProgressPath:
 
     start = jnp.asarray(contour.domain[0], float)
     last, (parameters, slopes) = jax.lax.scan(interval, start, None, length=NODES)
+    end = jnp.asarray(contour.domain[1], float)
+    if is_concrete(last) and is_concrete(end):
+        off = abs(float(last) - float(end))
+        if not off <= CLOSURE * abs(float(end) - float(start)):
+            raise RefusedError(
+                f"the speed of {type(contour).__name__} over its parameter varies too sharply for "
+                f"ModelPredictiveContouring: {NODES} equal steps of arc length miss its end by "
+                f"{off:.3g} of a parameter range of {abs(float(end) - float(start)):.6g}; give it "
+                "as a Path (Path.join)"
+            )
+    # the end is where the contour ends; what the steps missed is spread over the way
+    stretch = (end - start) / (last - start)
+    parameters = start + stretch * (jnp.append(parameters, last) - start)
     return ProgressPath(
-        contour, length, jnp.append(parameters, last), jnp.append(slopes, slope(last))
+        contour, length, parameters.at[-1].set(end), stretch * jnp.append(slopes, slope(last))
     )
 
 

@@ -63,6 +63,10 @@ CORRECTIONS = 2
 """Steps (P) in a sample."""
 NEWTON_STEPS = 5
 """For a monotone master: the error is squared in each, from a lag that is short beside the path."""
+END_WIDTH = 1e-3
+"""ε of (P) for a monotone master, whose slope may vanish at an end of the path."""
+LONGEST_STEP = 0.125
+"""Of a correction, as a share of the path's parameter range."""
 
 
 class PositionDomainState(NamedTuple):
@@ -120,16 +124,19 @@ class PositionDomain(Configuration):
             cosine = (position - self.motion.centre) / self.motion.amplitude
             p = nearest_angle(cosine, p + self.motion.phase) - self.motion.phase
             return PositionDomainState(p, jnp.asarray(reference, float), self._locate(p, piece))
-        steps = CORRECTIONS if self.motion.rotational else NEWTON_STEPS
-        damping = (self.turning_width * self.motion.steepest) ** 2
+        rotational = self.motion.rotational
+        steps = CORRECTIONS if rotational else NEWTON_STEPS
+        # where a monotone master begins or ends at a standstill, Newton's step would go anywhere
+        width = self.turning_width if rotational else END_WIDTH
+        damping = (width * self.motion.steepest) ** 2
+        start, end = (jnp.asarray(edge, float) for edge in self.path.domain)
+        longest = LONGEST_STEP * jnp.abs(end - start)
         for _ in range(steps):
             piece = self._locate(p, piece)
             rows = self.path.derivatives(p, 1, piece)
             off, slope = position - rows[0, axis], rows[1, axis]
-            if self.motion.rotational:
-                p = p + off * slope / (slope * slope + damping)  # (P)
-            else:
-                p = p + off / slope
+            step = off * slope / (slope * slope + damping)  # (P)
+            p = p + jnp.clip(step, -longest, longest)
         return PositionDomainState(p, jnp.asarray(reference, float), self._locate(p, piece))
 
     def follow(self, state: PositionDomainState) -> tuple[AxisVector, AxisVector]:
