@@ -286,3 +286,28 @@ def test_a_step_needs_no_linear_algebra_library(kind):
         "custom_linear_solve",
     }
     assert not found & (library | {"while", "scan", "pure_callback"})
+
+
+@pytest.mark.parametrize(("low", "high"), [(-0.5, 0.0), (0.0, 0.5), (-0.5, 0.1)])
+def test_the_compensation_may_be_twice_the_largest_disturbance(low, high):
+    """Also where d is known to have one sign."""
+    lower, upper = LOWER.copy(), UPPER.copy()
+    lower[3], upper[3] = low, high
+    law = IntegratedAdaptiveRobust(
+        **GAINS, parameter_lower=lower, parameter_upper=upper, initial_parameters=START
+    )
+    assert_allclose(law.bind(Circle(radius=0.02), T).compensation_bound, 1.0)
+
+
+def test_a_disturbance_without_range_asks_for_what_is_measured_by_it():
+    lower, upper = LOWER.copy(), UPPER.copy()
+    lower[3] = upper[3] = 0.0
+    fields = {**GAINS, "parameter_lower": lower, "parameter_upper": upper}
+    given = FilteredLeastSquares(initial_covariance=(10.0,) * 4)
+    for law, name in (
+        (DirectAdaptiveRobust(**fields), "adaptation_rate"),
+        (IntegratedAdaptiveRobust(**fields, least_squares=given), "compensation_limit"),
+        (IntegratedAdaptiveRobust(**fields, compensation_limit=1.0), "initial_covariance"),
+    ):
+        with pytest.raises(ConfigurationError, match=f"{name} must be given where"):
+            law.bind(Circle(radius=0.02), T)

@@ -76,5 +76,18 @@ def test_mistakes_are_named():
     y = np.zeros((100, 4, 2))
     with pytest.raises(ConfigurationError, match=r"window must be >= 0.0002 s and <= 0.02 s"):
         windowed_excitation(y, T, 1.0)
+    for window in (np.nan, np.inf, 0.0):
+        with pytest.raises(ConfigurationError, match="window must be >="):
+            windowed_excitation(y, T, window)
+    for stride in (0, -1, True):
+        with pytest.raises(ConfigurationError, match="stride must be a whole number >= 1"):
+            windowed_excitation(y, T, 10 * T, stride=stride)
+    for wrong in (y[0], y[:, :3], np.zeros((100, 2, 4))):
+        with pytest.raises(ConfigurationError, match="regressor must have shape"):
+            windowed_excitation(wrong, T, 10 * T)
+    with pytest.raises(ConfigurationError, match="scale must be a number or have shape"):
+        windowed_excitation(y, T, 10 * T, scale=np.ones(3))
+    with pytest.raises(ConfigurationError, match="sample_time must be > 0 s"):
+        windowed_excitation(y, 0.0, 10 * T)
     with pytest.raises(ConfigurationError, match="position and command must have one shape"):
         filtered_regressors(law(), np.zeros((10, 2)), np.zeros((9, 2)))

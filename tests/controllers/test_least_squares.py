@@ -220,3 +220,28 @@ def replace_at(array, row, axis, value):
     array = array.copy()
     array[row, axis] = value
     return array
+
+
+def test_a_long_rest_does_no_harm_without_a_limit_given():
+    """e^(κ T n) overflows; by default Γ stays below its norm at the start, and so do θ̂ and θ̄."""
+    n, forgetting = 20_000, 100.0
+    law = bound(forgetting=forgetting)
+    assert forgetting * T * n > 900.0
+    rest = jnp.zeros((n, 2))
+    states = learned(law, rest, rest, START)
+    for leaf in jax.tree.leaves(states):
+        assert np.all(np.isfinite(leaf))
+    norm = np.asarray(jax.vmap(law.norm, in_axes=0)(states.covariance))
+    start = np.sqrt(3 * 10.0**2 + 5000.0**2)
+    assert_allclose(law.limit, start)
+    assert norm.max() <= start * np.exp(forgetting * T) * (1 + 1e-12)
+    assert norm[-1].min() > 0.9 * start  # it did grow back, up to there
+
+
+def test_what_must_be_given():
+    flat = np.array(UPPER)
+    flat[3] = LOWER[3]
+    with pytest.raises(ConfigurationError, match="initial_covariance must be given where"):
+        FilteredLeastSquares().bind(LOWER, flat, T)
+    with pytest.raises(ConfigurationError, match="covariance_limit must be given"):
+        FilteredLeastSquares(at_limit="freeze").bind(LOWER, UPPER, T)

@@ -80,24 +80,44 @@ def test_properties_of_the_dynamics_in_the_frame(frame):
 
 
 def test_projection_keeps_its_bounds_and_its_inequality_for_diagonal_rates():
-    """P4 always; P5, θ̃ᵀ (Γ⁻¹ Proj(Γ τ) - τ) ≤ 0, for a diagonal Γ, and not for others."""
+    """P4 and P5, θ̃ᵀ (Γ⁻¹ Proj(Γ τ) - τ) ≤ 0, by one step of the direct law, τ = -Y p."""
+    rng = np.random.default_rng(2)
+    step, inside, limited = 1e-3, 0, 0
+    law = DirectAdaptiveRobust(
+        model=MODEL, error_decay=(30.0, 30.0), feedback_gain=(5.0, 5.0), parameter_lower=LOWER,
+        parameter_upper=UPPER, adaptation_rate=np.ones((4, 2)),
+    ).bind(ELLIPSE, step)  # fmt: skip
+    samples = make_samples(ELLIPSE, 10, step, NEEDS, error=np.zeros(2))
+    sample = sample_at(samples, 0)  # the law needs none of it
+    for _ in range(200):
+        hat, theta = rng.uniform(LOWER, UPPER), rng.uniform(LOWER, UPPER)
+        rate = rng.uniform(0.1, 10.0, (4, 2))
+        regressor, push = 10.0 * rng.normal(size=(4, 2)), rng.normal(size=2)
+        command = rng.normal(size=2)  # not limited
+        adapted = cl.replace(law, rate=rate).adapt(hat, sample, regressor, push, command, command)
+        after, tau = np.asarray(adapted), -regressor * push
+        assert np.all((after >= LOWER) & (after <= UPPER))  # P4
+        # what one clipped step of length T gives is that of its end point: θ̂⁺ - θ
+        value = np.sum((after - theta) * ((after - hat) / (step * rate) - tau), axis=0)
+        assert np.all(value <= 1e-9)
+        free = (after > LOWER) & (after < UPPER)
+        assert_allclose(after[free], (hat + step * rate * tau)[free], rtol=1e-12)
+        inside, limited = inside + np.sum(free), limited + np.sum(~free)
+    assert inside > 100
+    assert limited > 100
+
+
+def test_clipping_loses_the_inequality_for_rates_that_are_not_diagonal():
+    """P5 by arithmetic alone: why the rate of the direct law has one number per parameter."""
     rng = np.random.default_rng(2)
     low, high = -np.ones(4), np.ones(4)
     step, broken = 1e-3, 0
     for _ in range(300):
         hat, theta = np.clip(rng.normal(size=4), low, high), rng.uniform(low, high)
-        tau = rng.normal(size=4) * 1e3
-        root = rng.normal(size=(4, 4))
-        for gamma in (np.diag(rng.uniform(0.1, 10, 4)), root @ root.T + 0.01 * np.eye(4)):
-            after = np.clip(hat + step * gamma @ tau, low, high)
-            moved = (after - hat) / step
-            value = (hat - theta) @ (np.linalg.solve(gamma, moved) - tau)
-            diagonal = np.count_nonzero(gamma) == 4
-            if diagonal:
-                # what one clipped step of length T gives is that of its end point: θ̂⁺ - θ
-                value += (after - hat) @ (np.linalg.solve(gamma, moved) - tau)
-                assert value <= 1e-9 * np.abs(tau).max()
-            broken += not diagonal and value > 1.0
+        tau, root = rng.normal(size=4) * 1e3, rng.normal(size=(4, 4))
+        gamma = root @ root.T + 0.01 * np.eye(4)
+        moved = (np.clip(hat + step * gamma @ tau, low, high) - hat) / step
+        broken += (hat - theta) @ (np.linalg.solve(gamma, moved) - tau) > 1.0
     assert broken > 0
 
 

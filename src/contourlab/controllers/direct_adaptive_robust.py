@@ -30,7 +30,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from contourlab.configuration import real, static
+from contourlab.configuration import is_concrete, real, static
 from contourlab.contours.base import Contour
 from contourlab.controllers.adaptive_robust import AdaptiveRobustController
 from contourlab.controllers.adaptive_robust_law import (
@@ -110,7 +110,8 @@ class DirectAdaptiveRobust(AdaptiveRobustController):
         RefusedError
             The contour is not planar, has a corner, or lacks an implicit form that is asked for.
         ConfigurationError
-            A setting of the wrong shape.
+            A setting of the wrong shape, or bounds that leave d no range and no
+            ``adaptation_rate``.
         """
         fields = self.bound_fields(
             contour, sample_time, self.friction_velocity, self.friction_shape
@@ -121,6 +122,11 @@ class DirectAdaptiveRobust(AdaptiveRobustController):
         if self.adaptation_rate is None:
             fast = self.feedback_gain[1] * self.error_decay[1]
             span = upper - lower
+            if is_concrete(span) and not np.all(np.asarray(span[3]) > 0.0):
+                raise ConfigurationError(
+                    "adaptation_rate must be given where the bounds leave d no range: it is "
+                    "measured by that"
+                )
             share = jnp.array([SLOW_SHARE] * 3 + [1.0])[:, None]
             return fast * share * (span / span[3]) ** 2
         rate = jnp.asarray(self.adaptation_rate)

@@ -112,16 +112,27 @@ def windowed_excitation(
     Raises
     ------
     ConfigurationError
-        A window of less than one sample or longer than the record.
+        A regressor or scale of the wrong shape, a sample time or stride out of bounds, a window of
+        less than one sample or longer than the record.
     """
     y = np.asarray(regressor, float)
-    count = round(window / sample_time)
+    if y.ndim != 3 or y.shape[1] != 4:
+        raise ConfigurationError(f"regressor must have shape (n_samples, 4, n_axes), got {y.shape}")
+    if not 0.0 < sample_time < np.inf:
+        raise ConfigurationError(f"sample_time must be > 0 s and finite, got {sample_time!r}")
+    if isinstance(stride, bool) or not isinstance(stride, (int, np.integer)) or stride < 1:
+        raise ConfigurationError(f"stride must be a whole number >= 1, got {stride!r}")
+    count = round(window / sample_time) if np.isfinite(window) else 0
     if not 1 <= count <= len(y):
         raise ConfigurationError(
             f"window must be >= {sample_time:g} s and <= {len(y) * sample_time:g} s, the record's "
             f"length, got {window:g} s"
         )
     factor = np.asarray(scale, float)
+    if factor.shape not in ((), (4,), y.shape[1:]):
+        raise ConfigurationError(
+            f"scale must be a number or have shape (4,) or {y.shape[1:]}, got {factor.shape}"
+        )
     y = y * (factor[:, None] if factor.ndim == 1 else factor)
     starts = np.arange(0, len(y) - count + 1, stride)
     products = y[:, :, None] * y[:, None]

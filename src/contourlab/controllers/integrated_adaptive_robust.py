@@ -26,8 +26,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 
-from contourlab.configuration import part, real
+from contourlab.configuration import is_concrete, part, real
 from contourlab.contours.base import Contour
 from contourlab.controllers.adaptive_robust import AdaptiveRobustController
 from contourlab.controllers.adaptive_robust_law import (
@@ -41,6 +42,7 @@ from contourlab.controllers.least_squares import (
     FilteredLeastSquares,
     LeastSquaresState,
 )
+from contourlab.errors import ConfigurationError
 from contourlab.machines.base import PerAxis
 from contourlab.recordings.sample import Sample
 from contourlab.typing import Array, AxisVector, Scalar
@@ -123,7 +125,8 @@ class IntegratedAdaptiveRobust(AdaptiveRobustController):
         RefusedError
             The contour is not planar, has a corner, or lacks an implicit form that is asked for.
         ConfigurationError
-            A setting of the wrong shape, or a cut-off too high for the sample time.
+            A setting of the wrong shape, a cut-off too high for the sample time, or bounds of d
+            that are zero and no ``compensation_limit``.
         """
         estimator = self.least_squares
         fields = self.bound_fields(
@@ -132,7 +135,13 @@ class IntegratedAdaptiveRobust(AdaptiveRobustController):
         lower, upper = fields["lower"], fields["upper"]
         rate, limit = self.compensation_rate, self.compensation_limit
         rate = self.feedback_gain[1] * self.error_decay[1] if rate is None else rate
-        limit = COMPENSATION_SHARE * upper[3] if limit is None else limit
+        if limit is None:
+            limit = COMPENSATION_SHARE * jnp.maximum(jnp.abs(lower[3]), jnp.abs(upper[3]))
+            if is_concrete(limit) and not np.all(np.asarray(limit) > 0.0):
+                raise ConfigurationError(
+                    "compensation_limit must be given where the bounds of d are zero: by default "
+                    f"it is {COMPENSATION_SHARE:g} times the largest d"
+                )
         return BoundIntegratedAdaptiveRobust(
             **fields, estimator=estimator.bind(lower, upper, sample_time),
             compensation_rate=per_axis("compensation_rate", rate, 2),

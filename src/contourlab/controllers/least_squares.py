@@ -21,8 +21,9 @@ held over a sample T, for which (3) has a closed form (without κ)
 after which Γ⁺ grows by e^(κ T). Γ stays positive definite at any sample time; with κ = ν = 0 the
 estimate is that of batch least squares with the prior Γ(0), to rounding.
 
-**The limit of Γ.** Forgetting without excitation lets Γ grow for ever. An axis whose block of Γ has
-a norm above ``covariance_limit`` does not forget (``at_limit="hold"``): its Γ can then only fall.
+**The limit of Γ.** Forgetting without excitation lets Γ grow for ever: at rest by e^(κ t), until it
+overflows. An axis whose block of Γ has a norm above ``covariance_limit``, by default that of its
+Γ(0), does not forget (``at_limit="hold"``): its Γ can then only fall.
 The norm is that of Frobenius, which is λ_max at least and twice it at most, and needs no
 eigenvalues.
 
@@ -124,10 +125,12 @@ class FilteredLeastSquares(Configuration):
     """Diagonal of Γ(0), one number for each parameter, shape (4,), or (4, n_axes) [θ² per command²
     and s]. If not given, ``INITIAL_SHARE`` of what the bounds leave open: (upper - lower)² over the
     square of half the range of d."""
-    covariance_limit: Scalar = real(above=0.0, ndim=0, finite=False, default=np.inf)
-    """ρ_M: no forgetting above; per axis."""
+    covariance_limit: Scalar | None = real(above=0.0, ndim=0, finite=False, default=None)
+    """ρ_M: no forgetting above; infinite for none, and then Γ overflows after a long rest. If not
+    given: the norm of Γ(0), per axis."""
     at_limit: str = static(allowed=("hold", "freeze"), default="hold")
-    """``"hold"``: no forgetting above the limit; ``"freeze"``: Γ stands still, as (25) prints."""
+    """``"hold"``: no forgetting above the limit; ``"freeze"``: Γ stands still, as (25) prints,
+    and ``covariance_limit`` must be given."""
     friction_velocity: PerAxis = real(unit="m/s", above=0.0, ndim=1, default=1.0 / 9000.0)
     """v_0 of the smooth sign."""
     friction_shape: str = static(allowed=SHAPES, default="arctan")
@@ -150,7 +153,8 @@ class FilteredLeastSquares(Configuration):
         ------
         ConfigurationError
             A cut-off above a quarter of the sampling frequency, bounds or a covariance of the
-            wrong shape, no covariance and infinite bounds.
+            wrong shape, no covariance and bounds that are infinite or leave d no range, no limit of
+            the covariance to freeze it at.
         """
         n = int(np.shape(lower)[-1]) if np.ndim(lower) else 0
         for name, value in (("lower", lower), ("upper", upper)):
@@ -168,6 +172,7 @@ class FilteredLeastSquares(Configuration):
                     f"got {np.max(np.asarray(cutoff)):g} Hz"
                 )
         lower, upper = jnp.asarray(lower, float), jnp.asarray(upper, float)
+        initial = self._initial(lower, upper, n)
         omega, c = 2.0 * np.pi * cutoff, 2.0 / sample_time
         damped = 2.0 * self.filter_damping * omega * c
         whole = c**2 + damped + omega**2
@@ -176,7 +181,7 @@ class FilteredLeastSquares(Configuration):
             gain=2.0 * omega**2 / whole,
             back=jnp.stack([2.0 * (omega**2 - c**2), c**2 - damped + omega**2]) / whole,
             forgetting=self.forgetting, normalisation=self.normalisation,
-            initial=self._initial(lower, upper, n), limit=self.covariance_limit,
+            initial=initial, limit=self._limit(initial),
             at_limit=self.at_limit,
             friction_velocity=spread_over_axes("friction_velocity", self.friction_velocity, n),
             friction_shape=self.friction_shape,
@@ -190,6 +195,11 @@ class FilteredLeastSquares(Configuration):
                     "initial_covariance must be given where a parameter has no bounds"
                 )
             span = upper - lower
+            if is_concrete(span) and not np.all(np.asarray(span[3]) > 0.0):
+                raise ConfigurationError(
+                    "initial_covariance must be given where the bounds leave d no range: it is "
+                    "measured by that"
+                )
             scale = 0.25 * span[3] ** 2
             safe = jnp.where(scale > 0.0, scale, 1.0)
             return jnp.where(scale > 0.0, INITIAL_SHARE * span**2 / safe, 0.0)
@@ -199,6 +209,16 @@ class FilteredLeastSquares(Configuration):
                 f"initial_covariance must have shape (4,) or (4, {n}), got {np.shape(given)}"
             )
         return jnp.broadcast_to(given if given.ndim == 2 else given[:, None], (4, n))
+
+    def _limit(self, initial: Array) -> Array:
+        if self.covariance_limit is not None:
+            return jnp.broadcast_to(jnp.asarray(self.covariance_limit), initial.shape[1:])
+        if self.at_limit == "freeze":
+            raise ConfigurationError(
+                'covariance_limit must be given with at_limit="freeze": the covariance would stand '
+                "still from the start"
+            )
+        return jnp.sqrt(jnp.sum(initial**2, axis=0))  # Frobenius, of a diagonal
 
 
 INITIAL_SHARE = 250.0
@@ -218,7 +238,8 @@ class BoundLeastSquares(Configuration):
     forgetting: Scalar = real(unit="1/s")
     normalisation: Scalar = real(unit="s")
     initial: Parameters = real()
-    limit: Scalar = real(finite=False)
+    limit: AxisVector = real(finite=False)
+    """ρ_M."""
     friction_velocity: AxisVector = real(unit="m/s")
     settle: Scalar = real()
     """Samples during which nothing is learned."""
