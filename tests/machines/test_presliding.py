@@ -121,7 +121,7 @@ def test_the_gantry_is_that_of_the_paper():
     for word in ("presliding", "cogging", "delay"):
         assert not any(word in line for line in plain.assumed)
     said = " ".join(full.assumed)
-    for word in ("slides", "cogging", "computing delay", "not fitted"):
+    for word in ("slides", "cogging", "computing delay", "no prediction"):
         assert word in said
     check_machine(full, sample_time=2e-4)
 

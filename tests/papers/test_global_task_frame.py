@@ -104,11 +104,17 @@ def test_verdicts_of_the_claims():
     assert by["Set 1, same rate", "rms of C3 over C2"].verdict == "relation"
     flat = published_runs("I", "plausible")
     for key in flat:
-        flat[key] = fake(2.0, 8.0, excitation=np.array([0.0, 1.0]))
+        flat[key] = fake(2.0, 8.0, excitation=np.array([[9e-5, 2e-4], [1.0, 1.0]]))
     by = {(row.case, row.quantity): row for row in rows.claim_rows("I", "plausible", flat)}
     same = by["Set 1, same rate", "rms of C3 over C2"]
     assert same.verdict == "differs"
     assert "cannot be told apart" in same.note
+    mixed = "Set 1, C3 rate from velocity, C2 of coordinates"
+    for case in ("Set 1, same rate", "Set 1, same rate (velocity)", mixed):
+        said = [row for row in claims if (row.case, row.quantity) == (case, "rms of C3 over C2")]
+        assert said[0].verdict == "relation"
+        assert ("not evidence for the frame" in said[0].note) == (case == mixed)
+        assert ("it is the rate" in said[0].note) == (case == mixed)
     assert by["Set 1", "excitation over a turn, x"].verdict == "differs"
     assert by["Set 1", "excitation over a turn, y"].verdict == "relation"
 
@@ -120,6 +126,39 @@ def test_verdicts_of_the_estimates():
     assert by["int", "coulomb_x"].verdict == "matched"  # 0.1
     assert by["int", "viscous_x"].verdict == "differs"
     assert by["dir", "parameter error of C1 over C2"].verdict == "differs"  # both the same
+
+
+@pytest.mark.parametrize(("test", "axis", "start"), [(1, 0, "coulomb_x"), (2, 1, "none")])
+def test_an_estimator_that_learns_nothing_shows_nothing(test, axis, start):
+    found = published_runs("I", "plausible")
+    for run in found.values():
+        for row, name in enumerate(runs.ESTIMATES):
+            run.estimates[name][:] = runs.INITIAL[row]
+    seen = 0
+    for row in rows.estimate_rows("I", "plausible", test, found):
+        if row.quantity[:-2] in runs.ESTIMATES:
+            begins = row.quantity == start
+            assert row.verdict == ("matched" if begins else "differs"), row.quantity
+            assert ("no evidence of convergence" in row.note) == begins
+            seen += 1
+    assert seen == 6
+    # half of the way there is a relation, no more is asked
+    for run in found.values():
+        for k, name in enumerate(runs.ESTIMATES[:3]):
+            run.estimates[name][:, axis] = (
+                0.45 * runs.INITIAL[k, axis] + 0.55 * rows.TRUE[test][k, axis]
+            )
+    left = {row.verdict for row in rows.estimate_rows("I", "plausible", test, found)
+            if row.quantity[:-2] in runs.ESTIMATES}  # fmt: skip
+    assert "differs" not in left
+
+
+@pytest.mark.parametrize(
+    ("share", "verdict"), [(1.0, "matched"), (1.04, "matched"), (2, "differs")]
+)
+def test_the_verdict_of_the_printed_bounds_is_computed(share, verdict):
+    printed = rows.TABLES["I"]["C1", 3][0]
+    assert paper._printed_bounds("I", fake(share * printed, 30.0)).verdict == verdict
 
 
 def test_the_paper_is_found():

@@ -2,7 +2,10 @@
 
 All figures are of hardware that the paper describes by its identified parameters. Two machines
 stand in for it: one with encoders and nothing else, on which the laws leave a tenth of the printed
-error, and a plausible one with cogging, presliding and a delay that were assumed and not fitted.
+error, and a plausible one with cogging, presliding and a delay, all assumed. Amplitude and pitch
+of its cogging are round numbers near those that an earlier simulation was fitted with to the rms of
+Set 1, so that the level in Set 1 is no prediction; another pitch moves the rms between about 1.4
+and 2.8 µm.
 
 What holds on both: the payload hardly matters, the laws need the same commands, their peaks over a
 step disturbance are the same, the estimates of C2 and C3 come to the off-line values and those of
@@ -27,6 +30,7 @@ from contourlab.papers.global_task_frame_rows import (
     CLASSES,
     DIFFERENCE,
     ROTATED,
+    TABLES,
     TRUE,
     Key,
     Runs,
@@ -43,7 +47,7 @@ from contourlab.papers.global_task_frame_runs import (
     machine_of,
     soft_tangent_run,
 )
-from contourlab.papers.paper import Paper, Progress
+from contourlab.papers.paper import Paper, Progress, close
 from contourlab.reports.reproduction import PaperFigure, PaperRow, Reproduction
 
 __all__ = ["PAPER"]
@@ -95,12 +99,12 @@ def _run(progress: Progress) -> Reproduction:
 
 
 def _printed_bounds(name: str, run: Run) -> PaperRow:
-    from contourlab.papers.global_task_frame_rows import TABLES
-
+    published, reproduced = TABLES[name]["C1", 3][0], 1e6 * run.rms
     return PaperRow(
         experiment=f"experiment {name}, {MACHINES[0]}", case="Set 3, d within +-0.5 V as printed",
         controller=CLASSES["C1"], quantity="contour_error_rms", unit="um",
-        published=TABLES[name]["C1", 3][0], reproduced=1e6 * run.rms, verdict="differs",
+        published=published, reproduced=reproduced,
+        verdict="matched" if close(reproduced, published) else "differs",
         note="the printed bound of d cannot take a step of 0.6 V, and C1 has nothing else that "
         "could: while it lasts the error does not go away, which the printed figure excludes",
     )  # fmt: skip

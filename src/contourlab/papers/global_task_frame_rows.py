@@ -61,6 +61,8 @@ CLASSES = {
     "C3": "integrated_adaptive_robust (local frame)",
 }  # fmt: skip
 SAME_RATIO = 0.15
+DISTINCT = 1e-4
+"""Share of the largest eigenvalue of (26) from which the least counts as excitation."""
 TRUE = {
     1: np.array([[0.12, 0.55], [0.35, 0.5], [0.1, 0.13]]),
     2: np.array([[0.19, 0.62], [0.35, 0.5], [0.1, 0.13]]),
@@ -204,7 +206,12 @@ def _reason(name: str, kind: str, law: str, test: int, rate: str, k: int) -> str
 
 def _machine(kind: str) -> str:
     if kind == PLAUSIBLE:
-        return "an emulation (cogging, presliding, delay: assumed, not fitted)"
+        return (
+            "an emulation (cogging, presliding, delay: assumed; amplitude and pitch of the cogging "
+            "are round numbers near those that an earlier simulation was fitted with to the rms of "
+            "Set 1, so that the level in Set 1 is no prediction; another pitch moves the rms "
+            "between about 1.4 and 2.8 um)"
+        )
     return "a simulation with encoders and identified friction only"
 
 
@@ -268,11 +275,12 @@ def claim_rows(name: str, kind: str, runs: Runs) -> Iterable[PaperRow]:
               "equal in print; relation: within 5 %; where nothing but the law's own error is "
               "left, the wrong parameters of C1 show")  # fmt: skip
     frame_note = "'the superiority of the global TCF'; relation: above 1.05"
-    for case, ours in (
-        ("Set 1, same rate", at("C3")[0] / at("C2")[0]),
-        ("Set 1, same rate (velocity)", at("C3", 1, ROTATED)[0] / at("C2", 1, ROTATED)[0]),
-        ("Set 1, C3 rate from velocity, C2 of coordinates", at("C3", 1, ROTATED)[0] / at("C2")[0]),
-    ):
+    for case, ours, mixed in (
+        ("Set 1, same rate", at("C3")[0] / at("C2")[0], False),
+        ("Set 1, same rate (velocity)", at("C3", 1, ROTATED)[0] / at("C2", 1, ROTATED)[0], False),
+        ("Set 1, C3 rate from velocity, C2 of coordinates", at("C3", 1, ROTATED)[0] / at("C2")[0],
+         True),
+    ):  # fmt: skip
         why = frame_note
         if ours < 1.05:
             why += (
@@ -280,8 +288,8 @@ def claim_rows(name: str, kind: str, runs: Runs) -> Iterable[PaperRow]:
                 "error that the local frame makes, kappa e_m^2 / 2, is outwards, not the negative "
                 "offset of Figure 4"
             )
-        else:
-            why += "; it is the rate that makes it, not the frame"
+        elif mixed:
+            why += "; printed ordering; not evidence for the frame: it is the rate that makes it"
         yield say(case, "", "rms of C3 over C2", "", table["C3", 1][0] / table["C2", 1][0], ours,
                   ours > 1.05, why)  # fmt: skip
     gap = float(np.sqrt(max(at("C3", 1, ROTATED)[0] ** 2 - at("C2")[0] ** 2, 0.0)))
@@ -300,11 +308,12 @@ def claim_rows(name: str, kind: str, runs: Runs) -> Iterable[PaperRow]:
     run = runs[name, kind, 1, "C2", DIFFERENCE]
     if run.excitation is not None:
         for number, label in enumerate("xy"):
-            value = float(run.excitation[number])
+            value, largest = (float(v) for v in run.excitation[:, number])
             yield say("Set 1", CLASSES["C2"], f"excitation over a turn, {label}", "V^2 s", None,
-                      value, value > 0.0,
+                      value, value > DISTINCT * largest,
                       "least eigenvalue of (26) over one turn, each parameter in units of its "
-                      "range; relation: above 0, which tells all parameters apart")  # fmt: skip
+                      f"range; relation: above {DISTINCT:g} of the largest ({largest:.3g}), which "
+                      "tells all parameters apart")  # fmt: skip
 
 
 def estimate_rows(name: str, kind: str, test: int, runs: Runs) -> Iterable[PaperRow]:
@@ -330,13 +339,15 @@ def estimate_rows(name: str, kind: str, test: int, runs: Runs) -> Iterable[Paper
             truth = float(TRUE[test][row, axis])
             value = float(run.estimates[parameter][-1, axis])
             begun = float(INITIAL[row, axis])
-            near = abs(value - truth) <= max(0.5 * abs(begun - truth), 0.15 * truth)
+            near = abs(value - truth) <= 0.5 * abs(begun - truth)
             verdict = "matched" if close(value, truth) else "relation" if near else "differs"
             note = (
                 f"{figure}: 'consistently approach the off-line values' (published is that value); "
                 f"after {run.time[-1]:.0f} s, from {begun:g}; matched is within {100 * MATCH:g} %, "
-                f"relation: half of the start's error or 15 % of the value; {_machine(kind)}"
+                f"relation: half of the start's error; {_machine(kind)}"
             )
+            if close(begun, truth):
+                note += "; it begins there: no evidence of convergence"
             if parameter == "mass":
                 note += "; encoder counts and cogging bias the mass (errors in variables)"
             yield _row(name, kind, f"Set {test}, {figure}", CLASSES[law], f"{parameter}_{label}",

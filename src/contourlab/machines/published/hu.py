@@ -9,8 +9,9 @@ What the paper leaves open, and what stands here instead:
 - What the dry friction really does near rest. Assumed: the smooth sign itself; with
   ``presliding=True`` a contact that slides after some 10 µm, with 10 % more friction below 20 mm/s.
 - Cogging, which it does not mention (an earlier work of the same authors on this gantry compensates
-  it). Assumed: none; with ``cogging=True`` 0.1 V at a pitch of 30 mm on both axes, a plausible size
-  that was not fitted to anything.
+  it). Assumed: none; with ``cogging=True`` 0.1 V at a pitch of 30 mm on both axes: round numbers
+  near those that an earlier simulation was fitted with to the printed rms of Set 1, so that the
+  level in Set 1 is no prediction. Another pitch moves the rms between about 1.4 and 2.8 µm.
 - Computing delay. Assumed: none; ``computing_delay`` adds one.
 - Limits of command, travel and axes. Assumed: ±10 V, travel that holds the figures, and limits that
   they do not reach.
@@ -99,8 +100,10 @@ def hu_gantry(
         assumed.append("The paper's smooth sign is taken for what dry friction does near rest.")
     if cogging:
         assumed.append(
-            f"Assumed, not fitted: cogging of {COGGING[0]:g} V at a pitch of {1e3 * COGGING[1]:g} "
-            "mm on both axes."
+            f"Assumed: cogging of {COGGING[0]:g} V at a pitch of {1e3 * COGGING[1]:g} mm on both "
+            "axes. Amplitude and pitch are round numbers near those that an earlier simulation was "
+            "fitted with to the rms of Set 1, so that the level in Set 1 is no prediction; another "
+            "pitch moves the rms between about 1.4 and 2.8 um."
         )
     if computing_delay:
         assumed.append(f"Assumed: a computing delay of {1e3 * computing_delay:g} ms.")
