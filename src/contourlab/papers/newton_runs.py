@@ -254,10 +254,10 @@ class Outcome:
     """MCE [um]."""
     mean: float
     """TACE [um]."""
-    command: float
-    """Largest command of any axis [V]."""
-    needed: float
-    """Largest command that the reference itself needs on any axis [V]."""
+    command: NDArray[Any]
+    """Largest command, shape (n_axes,) [V]."""
+    needed: NDArray[Any]
+    """Largest command that reference and disturbance need, shape (n_axes,) [V]."""
     time: NDArray[Any]
     """[s]."""
     exact: NDArray[Any]
@@ -266,6 +266,11 @@ class Outcome:
     """What the law took it for [um]; NaN without a coupling."""
     static: NDArray[Any]
     """Koren and Lo's estimate at the same points [um]."""
+
+    @property
+    def peak(self) -> float:
+        """Largest command over what is needed, of the axis where that is most."""
+        return float(np.max(self.command / self.needed))
 
     @property
     def estimate_off(self) -> float:
@@ -304,8 +309,8 @@ def outcome(recording: Recording, case: Case, *, points: int = 10_000) -> Outcom
     return Outcome(
         largest=1e6 * _number(recording, "contour_error_max"),
         mean=1e6 * _number(recording, "contour_error_mean"),
-        command=float(np.max(np.abs(np.asarray(recording["command"])))),
-        needed=float(np.max(np.abs(needed))) + 0.15,
+        command=np.max(np.abs(np.asarray(recording["command"])), axis=0),
+        needed=np.max(np.abs(needed), axis=0) + 0.15,
         time=time[kept],
         exact=1e6 * np.abs(np.asarray(recording["contour_error"]))[kept],
         estimated=estimated,

@@ -123,7 +123,8 @@ def chattering(
     SimulationError
         No values or sample times, a direction of no length or of another number of axes.
     RefusedError
-        The law is not for straight lines, or not stable at one of the sample times.
+        The law is not for straight lines, or, as it is given, not stable at one of the sample
+        times. The values of ``field`` are traced and not checked for stability.
     ConfigurationError
         A value out of bounds.
     """
