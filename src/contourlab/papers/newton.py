@@ -2,9 +2,9 @@
 
 All of the paper is simulation, so that every figure can be asked for. What it leaves open was found
 by choices that are stated in ``assumed``. No number is fitted beyond the guard, which is chosen so
-that A comes out, and the unit of k', 1/ms, which gives the published size. With them the six figures of the variable-gain
-scheme in A and B come out to their digits, with equation (25) as misprinted, and those of the
-proposed scheme in A with a guard of 1 um.
+that A comes out, and the unit of k', 1/ms, which gives the published size. With
+them the six figures of the variable-gain scheme in A and B come out to their digits, with equation
+(25) as misprinted, and those of the proposed scheme in A with a guard of 1 um.
 
 In B and C the figures of the proposed scheme are larger than the law makes them whose estimate is
 exact. The estimate as printed lags behind the foot by V / k' along the path (it is a loop of type
@@ -62,12 +62,12 @@ ASSUMED = (
     "The couplings' derivatives are filtered at 100 rad/s.",
     "(25) is taken as misprinted, without its factor c, where the note does not say otherwise: the "
     "published figures of the variable-gain scheme are those of that form.",
-    f"(15) is guarded: E / (|E| + {1e6 * GUARD:g} um). The paper prints no guard; this one is chosen "
-    "so that A comes out.",
+    f"(15) is guarded: E / (|E| + {1e6 * GUARD:g} um). The paper prints no guard; this one is "
+    "chosen so that A comes out.",
     "k' = c' = 500 is read per ms, a choice of unit that gives figures of the published size, and "
     "in one case per s; the paper prints no unit. No other number is fitted.",
-    "Sample time: 0.02 ms, and 0.002 ms where the estimate runs at k' = 500 per ms; 0.05 ms for the "
-    "spread of parameters and for three axes, 0.1 ms for Theorem 1.",
+    "Sample time: 0.02 ms, and 0.002 ms where the estimate runs at k' = 500 per ms; 0.05 ms for "
+    "the spread of parameters and for three axes, 0.1 ms for Theorem 1.",
     "B with h_r = 100 and C by the printed form of the disturbance estimate leave the boundary "
     "layer at times: they are not within |D| < kappa mu.",
 )

@@ -435,7 +435,7 @@ def space_rows() -> Iterable[PaperRow]:
         if ratio < 10.0 <= matched and estimate == "corrected":
             note += (
                 ". The corrected disturbance estimate takes the lag of its acceleration, in "
-                f"proportion to the jerk, for a disturbance; with the matched form it is {matched:.3g}"
+                f"proportion to the jerk, for a disturbance; the matched form gives {matched:.3g}"
             )
         elif ratio < 10.0:
             note += ". Unexplained"
