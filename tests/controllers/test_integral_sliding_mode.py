@@ -377,7 +377,12 @@ def test_the_integral_is_held_at_the_limit_and_only_outwards():
         _, state = bound.step(start, sample)
         assert (float(state.integral[0]) == 0.0) == held
         assert float(state.integral[1]) < 0.0
-        assert int(bound.status(state)) == held
+        # with room, σ = 12.5/s 0.1 mm is outside the layer of 1 mm/s
+        assert bound.statuses[int(bound.status(state))] == (
+            "saturated" if held else "outside the boundary layer"
+        )
+        inside = state._replace(surface=jnp.full(2, 0.9e-3), saturated=jnp.zeros((), jnp.int32))
+        assert int(bound.status(inside)) == 0
         # an integral that leads back is not held: q = 1 mm forgets, whatever the limit
         _, state = bound.step(start._replace(integral=jnp.array([1e-3, 0.0])), sample)
         assert float(state.integral[0]) < 1e-3

@@ -249,6 +249,30 @@ def test_the_whole_reproduction():
         assert verdicts(case, paper.VARIABLE) == ["matched"] * 2
     assert set(verdicts(A, paper.PROPOSED)) == {"matched"}
     assert verdicts(C, paper.VARIABLE) == ["differs"] * 2
-    robust = [row for row in result.rows if "off by 30 %" in row.case]
-    assert {row.verdict for row in robust} == {"relation"}
+
+    def claimed(text):
+        chosen = [row for row in result.rows if row.experiment == "claims"]
+        return [row.verdict[0] for row in chosen if text in f"{row.case}; {row.quantity}"]
+
+    # by case, the k' in 1/ms before the exact estimate; r: relation, d: differs
+    expected = {
+        "path; TACE of variable gain over proposed": "dddd",
+        "1/ms; TACE of variable gain over proposed": "drrr",
+        "converged; TACE of variable gain over proposed": "drrr",
+        "T_r = 2 s; largest error of the law's own": "rr",
+        "1/ms; largest error of the law's own": "ddd",
+        "converged; largest error of the law's own": "rrr",
+        "1/ms; largest error of the static": "drr",
+        "converged; largest error of the static": "rrr",
+        "largest command": "rrrrrr",
+        "constant disturbance": "dddd",
+        "sine disturbance": "rrrr",
+        "off by 30 %": "rrrr",
+        "Theorem 1": "rrrr",
+        "three axes": "rdr",
+    }
+    for text, verdict in expected.items():
+        assert "".join(claimed(text)) == verdict, text
+    assert len(claimed("")) == sum(map(len, expected.values()))
+    assert not any("nexplained" in row.note for row in result.rows if "static" not in row.quantity)
     assert [figure.name for figure in result.figures] == list(paper.PAPER.figures)

@@ -316,6 +316,8 @@ class IntegralSlidingMode(AxisController):
 class BoundIntegralSlidingMode(BoundAxisController):
     """The discretised law; made by :meth:`IntegralSlidingMode.bind`."""
 
+    statuses = ("normal", "saturated", "outside the boundary layer")
+
     error_rate: Float[Array, " ..."] = real(unit="1/s", ndim=1)
     integral_rate: Float[Array, " ..."] = real(unit="1/s", ndim=1)
     boundary_layer: Float[Array, " ..."] = real(unit="m/s", ndim=1)
@@ -401,6 +403,17 @@ class BoundIntegralSlidingMode(BoundAxisController):
             estimate,
             jnp.any(wanted != applied).astype(jnp.int32),
         )
+
+    def status(self, state: IntegralSlidingModeState) -> Count:
+        """Return 1 if the last command was beyond a limit, else 2 if σ was outside the layer.
+
+        Parameters
+        ----------
+        state
+            As ``step`` returned it.
+        """
+        outside = jnp.any(jnp.abs(state.surface) > self.boundary_layer)
+        return jnp.where(outside & (state.saturated == 0), 2, state.saturated).astype(jnp.int32)
 
     def telemetry(self, state: IntegralSlidingModeState) -> dict[str, Array]:
         """Return σ/μ, within ±1 inside the layer, and the estimated disturbance.

@@ -68,8 +68,8 @@ ASSUMED = (
     "in one case per s; the paper prints no unit. No other number is fitted.",
     "Sample time: 0.02 ms, and 0.002 ms where the estimate runs at k' = 500 per ms; 0.05 ms for "
     "the spread of parameters and for three axes, 0.1 ms for Theorem 1.",
-    "B with h_r = 100 and C by the printed form of the disturbance estimate leave the boundary "
-    "layer at times: they are not within |D| < kappa mu.",
+    "With the printed form of the disturbance estimate B with h_r = 100 and C leave the boundary "
+    "layer also after the start: |D|, with what the estimate adds, is then beyond kappa mu.",
 )
 
 
