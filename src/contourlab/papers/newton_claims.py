@@ -233,7 +233,7 @@ def disturbance_rows() -> Iterable[PaperRow]:
                     f"{means[estimate]:.3g} um with it. The text: the disturbance estimate "
                     "partially enhances performance; relation: more than 1"
                 )
-                if gain <= 1.0:
+                if gain <= 1.0 and kind == "constant":
                     note += (
                         ". The integral of the sliding mode removes a constant disturbance by "
                         "itself; the estimate adds a transient at the start"
