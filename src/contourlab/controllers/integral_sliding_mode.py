@@ -404,7 +404,7 @@ class BoundIntegralSlidingMode(BoundAxisController):
             jnp.any(wanted != applied).astype(jnp.int32),
         )
 
-    def status(self, state: IntegralSlidingModeState) -> Count:
+    def status(self, state: Any) -> Count:
         """Return 1 if the last command was beyond a limit, else 2 if σ was outside the layer.
 
         Parameters
