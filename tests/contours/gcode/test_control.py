@@ -126,6 +126,7 @@ def test_an_endless_loop_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.overnight
 def test_an_endless_loop_is_refused_within_seconds() -> None:
     """11 s on one idle core; the type checks of the test run take most of the time."""
     begin = time.monotonic()
