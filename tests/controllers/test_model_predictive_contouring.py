@@ -9,7 +9,8 @@ from numpy.testing import assert_allclose
 import contourlab as cl
 from contourlab.contours import Circle, Ellipse, FigureEight, Helix, Line, Path
 from contourlab.controllers import ModelPredictiveContouring
-from contourlab.controllers.model_predictive_contouring_axes import Observed, held_axes, observer
+from contourlab.controllers.held_model import held_axes
+from contourlab.controllers.model_predictive_contouring_axes import Observed, observer
 from contourlab.controllers.model_predictive_contouring_path import progress_path
 from contourlab.controllers.model_predictive_contouring_speed import safe_speed
 from contourlab.controllers.quadratic_program import solve_program

@@ -14,8 +14,9 @@ import numpy as np
 
 from contourlab.configuration import as_leaf, part, real
 from contourlab.contours.base import Contour
+from contourlab.contours.transformations import by_component
 from contourlab.errors import GeometryError
-from contourlab.typing import Array, AxisVector, Count, Derivatives, Matrix, Scalar
+from contourlab.typing import AxisVector, Count, Derivatives, Matrix, Scalar
 
 __all__ = ["CombinedAxes", "combined"]
 
@@ -67,10 +68,8 @@ class CombinedAxes(Contour):
         piece
             As from ``locate``.
         """
-        rows, matrix = self.axes.derivatives(parameter, order, piece), jnp.asarray(self.matrix)
-        # by component, as in Transformed: one loop over a batch
-        columns: list[Array] = [rows[:, k : k + 1] * matrix[:, k] for k in range(self.axes.n_axes)]
-        return sum(columns[1:], columns[0])
+        rows = self.axes.derivatives(parameter, order, piece)
+        return by_component(rows, jnp.asarray(self.matrix))
 
     def locate(self, parameter: Scalar, piece: Count) -> Count:
         """Return the piece of the path in axes that holds a parameter.

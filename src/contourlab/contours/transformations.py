@@ -41,6 +41,20 @@ __all__ = [
 ]
 
 
+def by_component(rows: Array, matrix: Array) -> Array:
+    """Return ``rows @ matrix.T``, by component: XLA makes one loop of it over a batch.
+
+    Parameters
+    ----------
+    rows
+        Shape (n, n_in).
+    matrix
+        Shape (n_out, n_in).
+    """
+    columns: list[Array] = [rows[:, k : k + 1] * matrix[:, k] for k in range(rows.shape[1])]
+    return sum(columns[1:], columns[0])
+
+
 class Transformed(Contour):
     """Another contour after ``x -> matrix x + offset``, over the same parameter.
 
@@ -93,9 +107,7 @@ class Transformed(Contour):
             As from ``locate``.
         """
         rows, matrix = self.inner.derivatives(parameter, order, piece), jnp.asarray(self.matrix)
-        # by component: XLA then makes one loop of it over a batch, which it does not of products
-        columns = [rows[:, k : k + 1] * matrix[:, k] for k in range(self.n_axes)]
-        return sum(columns[1:], columns[0]) + first_row(order) * self.offset
+        return by_component(rows, matrix) + first_row(order) * self.offset
 
     def locate(self, parameter: Scalar, piece: Count) -> Count:
         """Return the piece of the other contour that holds a parameter.

@@ -136,6 +136,22 @@ def refuse_no_model(model: object) -> None:
         )
 
 
+def refuse_no_axis_law(axis: object, role: str = "") -> None:
+    """Raise ConfigurationError unless a law was given an axis law.
+
+    Parameters
+    ----------
+    axis
+        What was given.
+    role
+        What the axis law is for, as a clause of the sentence.
+    """
+    if not isinstance(axis, AxisController):
+        raise ConfigurationError(
+            f"axis must be an axis law, such as AxisPid or Cascade, {role}got {type(axis).__name__}"
+        )
+
+
 def refuse_position_command(name: str, model: NominalModel) -> None:
     """Raise RefusedError if a model is commanded by positions: its drive closes the loop itself."""
     if model.command == "position":

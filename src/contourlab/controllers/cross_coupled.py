@@ -73,6 +73,7 @@ from contourlab.controllers.axis_controller import (
     BoundAxisController,
     clip,
     per_axis,
+    refuse_no_axis_law,
 )
 from contourlab.controllers.base import BoundController, Controller, Needs
 from contourlab.controllers.filtered_derivative import DerivativeState, FilteredDerivative
@@ -141,11 +142,7 @@ class CrossCoupled(Controller):
     form: str = static(allowed=("normal", "vector"), default="normal")
 
     def __check_init__(self) -> None:
-        if not isinstance(self.axis, AxisController):
-            raise ConfigurationError(
-                "axis must be an axis law, such as AxisPid or Cascade, "
-                f"got {type(self.axis).__name__}"
-            )
+        refuse_no_axis_law(self.axis)
         if not isinstance(self.estimator, Estimator):
             raise ConfigurationError(
                 "estimator must be an estimator, such as TangentEstimator(), "

@@ -68,7 +68,7 @@ from contourlab.controllers.position_domain import PositionDomain, PositionDomai
 from contourlab.controllers.position_domain_law import (
     MasterCompensation,
     bound_domain,
-    refuse_no_axis_law,
+    refuse_lone_axis,
 )
 from contourlab.controllers.pulse_model import AxisObserver, PulseModel
 from contourlab.controllers.second_signal import SecondSignal
@@ -150,7 +150,7 @@ class InternalModelContouring(Controller):
     identified_at: Scalar | None = real(unit="s", above=0.0, ndim=0, default=None)
 
     def __check_init__(self) -> None:
-        refuse_no_axis_law(self.axis)
+        refuse_lone_axis(self.axis)
         check_fields(self)
 
     @property

@@ -59,10 +59,10 @@ from contourlab.controllers.axis_controller import (
     refuse_position_command,
 )
 from contourlab.controllers.base import BoundController, Controller, Needs
+from contourlab.controllers.held_model import held_axes
 from contourlab.controllers.model_predictive_contouring_axes import (
     Observed,
     Observer,
-    held_axes,
     observer,
 )
 from contourlab.controllers.model_predictive_contouring_path import ProgressPath, progress_path

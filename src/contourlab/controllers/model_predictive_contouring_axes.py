@@ -21,77 +21,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from contourlab.machines.base import NominalModel
-from contourlab.machines.exponential import exponential, phi
+from contourlab.controllers.held_model import HeldAxes
 from contourlab.typing import Array, AxisVector, Scalar
 
-__all__ = ["HeldAxes", "Observed", "Observer", "held_axes", "observer"]
-
-
-class HeldAxes(eqx.Module):
-    """F and G of (1), axis by axis, shape (n_axes,) each."""
-
-    position_from_position: Array
-    position_from_velocity: Array
-    """[s]"""
-    velocity_from_position: Array
-    """[1/s]"""
-    velocity_from_velocity: Array
-    position_from_command: Array
-    """[m per unit of command]"""
-    velocity_from_command: Array
-    """[m/s per unit of command]"""
-
-    def after(
-        self, position: AxisVector, velocity: AxisVector, command: AxisVector
-    ) -> tuple[AxisVector, AxisVector]:
-        """Return position and velocity one sample later.
-
-        Parameters
-        ----------
-        position, velocity
-            Now, shape (n_axes,).
-        command
-            What acts, the disturbance included.
-        """
-        return (
-            self.position_from_position * position
-            + self.position_from_velocity * velocity
-            + self.position_from_command * command,
-            self.velocity_from_position * position
-            + self.velocity_from_velocity * velocity
-            + self.velocity_from_command * command,
-        )
-
-
-def held_axes(model: NominalModel, sample_time: Scalar) -> HeldAxes:
-    """Return the nominal axes for a command that is held; Coulomb friction is left out.
-
-    Parameters
-    ----------
-    model
-        Nominal model.
-    sample_time
-        T [s].
-    """
-    mass, viscous, gain = (jnp.asarray(x) for x in (model.mass, model.viscous, model.gain))
-    one: Any = jnp.ones_like(mass)
-    zero: Any = jnp.zeros_like(mass)
-    if model.stiffness is None:
-        decay, first, second = phi(-sample_time * viscous / mass)
-        push = gain * sample_time / mass
-        return HeldAxes(
-            one, sample_time * first, zero, decay, push * sample_time * second, push * first
-        )
-    rows = [
-        [zero, one, zero],
-        [-model.stiffness / mass, -viscous / mass, gain / mass],
-        [zero, zero, zero],
-    ]
-    held = exponential(sample_time * jnp.stack([jnp.stack(row, -1) for row in rows], -2))
-    return HeldAxes(
-        held[:, 0, 0], held[:, 0, 1], held[:, 1, 0], held[:, 1, 1], held[:, 0, 2], held[:, 1, 2]
-    )
+__all__ = ["Observed", "Observer", "observer"]
 
 
 class Observed(eqx.Module):

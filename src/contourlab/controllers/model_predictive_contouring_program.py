@@ -23,7 +23,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Float
 
-from contourlab.controllers.model_predictive_contouring_axes import HeldAxes
+from contourlab.controllers.held_model import HeldAxes
 from contourlab.controllers.model_predictive_contouring_path import PathPoint, tangent_normals
 from contourlab.controllers.model_predictive_contouring_speed import SafeSpeed
 from contourlab.controllers.quadratic_program import StagedProgram

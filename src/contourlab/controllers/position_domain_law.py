@@ -27,7 +27,7 @@ References
 from __future__ import annotations
 
 import dataclasses
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -37,7 +37,11 @@ from jaxtyping import Float
 from contourlab.configuration import Configuration, real
 from contourlab.contours.base import Contour
 from contourlab.contours.combined import CombinedAxes
-from contourlab.controllers.axis_controller import AxisController, BoundAxisController
+from contourlab.controllers.axis_controller import (
+    AxisController,
+    BoundAxisController,
+    refuse_no_axis_law,
+)
 from contourlab.controllers.axis_pid import BoundAxisPid
 from contourlab.controllers.master import MasterMotion, choose_master, master_motion
 from contourlab.controllers.position_domain import PositionDomain
@@ -47,13 +51,13 @@ from contourlab.errors import ConfigurationError, RefusedError
 from contourlab.recordings.sample import Sample
 from contourlab.typing import Array, Scalar
 
-__all__ = ["MasterCompensation", "bound_domain", "refuse_no_axis_law"]
+__all__ = ["MasterCompensation", "bound_domain", "refuse_lone_axis"]
 
 Complex: TypeAlias = tuple[Array, Array]
 """Real and imaginary part: no complex numbers in the loop."""
 
 
-def refuse_no_axis_law(axis: object) -> None:
+def refuse_lone_axis(axis: Any) -> None:
     """Raise ConfigurationError unless a law was given an axis law for two axes or more.
 
     Parameters
@@ -61,11 +65,7 @@ def refuse_no_axis_law(axis: object) -> None:
     axis
         What was given.
     """
-    if not isinstance(axis, AxisController):
-        raise ConfigurationError(
-            "axis must be an axis law, such as AxisPid or Cascade, which runs the master, "
-            f"got {type(axis).__name__}"
-        )
+    refuse_no_axis_law(axis, "which runs the master, ")
     if axis.n_axes < 2:
         raise ConfigurationError("axis must be for 2 axes or more: a master and its slaves, got 1")
 

@@ -44,7 +44,7 @@ from contourlab.controllers.position_domain import PositionDomain, PositionDomai
 from contourlab.controllers.position_domain_law import (
     MasterCompensation,
     bound_domain,
-    refuse_no_axis_law,
+    refuse_lone_axis,
 )
 from contourlab.controllers.pulse_model import PulseModel
 from contourlab.errors import ConfigurationError
@@ -111,7 +111,7 @@ class PositionDomainPid(Controller):
     compensate_master: bool = static(flag=True, default=True)
 
     def __check_init__(self) -> None:
-        refuse_no_axis_law(self.axis)
+        refuse_lone_axis(self.axis)
 
     @property
     def needs(self) -> Needs:

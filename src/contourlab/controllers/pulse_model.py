@@ -28,8 +28,8 @@ import numpy as np
 from jaxtyping import Float
 
 from contourlab.configuration import Configuration, part, real
+from contourlab.controllers.held_model import held_polynomials
 from contourlab.machines.base import NominalModel
-from contourlab.machines.exponential import exponential
 from contourlab.typing import Array, AxisVector, Scalar
 
 __all__ = ["AxisObserver", "ObserverState", "PulseModel"]
@@ -60,7 +60,8 @@ class PulseModel(Configuration):
         sample_time
             T [s].
         """
-        return _held(model, jnp.asarray(sample_time, float))  # type: ignore[no-any-return]
+        numerator, denominator = held_polynomials(model, sample_time)
+        return PulseModel(denominator=denominator[:, 1:], numerator=numerator)
 
     @property
     def order(self) -> int:
@@ -245,24 +246,3 @@ def _placed(a: Array, b: Array, rotation: Array, output: Array, pole: Scalar) ->
     last = jnp.zeros(size).at[-1].set(1.0)
     gain: Array = power @ jnp.linalg.solve(jnp.stack(seen), last)
     return gain
-
-
-@jax.jit
-def _held(model: NominalModel, sample_time: Array) -> PulseModel:
-    """Return the pulse transfer functions of M q'' + B q' + S q = K u, the command being held."""
-    mass = jnp.asarray(model.mass)
-    zero, one = jnp.zeros_like(mass), jnp.ones_like(mass)
-    stiffness = zero if model.stiffness is None else jnp.asarray(model.stiffness)
-    block = jnp.stack([
-        jnp.stack([zero, one, zero], -1),
-        jnp.stack([-stiffness / mass, -model.viscous / mass, model.gain / mass], -1),
-        jnp.stack([zero, zero, zero], -1),
-    ], -2)  # fmt: skip
-    held = exponential(block * sample_time)
-    a, h = held[:, :2, :2], held[:, :2, 2]
-    a_1 = -(a[:, 0, 0] + a[:, 1, 1])
-    # det exp(A T) = exp(tr A T), without the cancellation
-    a_2 = jnp.exp(-model.viscous / mass * sample_time)
-    b_1 = h[:, 0]
-    b_2 = a[:, 0, 1] * h[:, 1] - a[:, 1, 1] * h[:, 0]  # C A H + a_1 C H
-    return PulseModel(denominator=jnp.stack([a_1, a_2], -1), numerator=jnp.stack([b_1, b_2], -1))

@@ -37,11 +37,16 @@ import numpy as np
 from contourlab.configuration import part, real
 from contourlab.contour_errors.variable_gain import VariableGainEstimator
 from contourlab.contours.base import Contour, unit
-from contourlab.controllers.axis_controller import AxisController, BoundAxisController, clip
+from contourlab.controllers.axis_controller import (
+    AxisController,
+    BoundAxisController,
+    clip,
+    refuse_no_axis_law,
+)
 from contourlab.controllers.base import BoundController, Controller, Needs
 from contourlab.controllers.cross_coupled import refuse_unlike_axes
 from contourlab.controllers.filtered_derivative import DerivativeState, FilteredDerivative
-from contourlab.errors import ConfigurationError, RefusedError
+from contourlab.errors import RefusedError
 from contourlab.recordings.sample import Sample
 from contourlab.typing import Array, AxisVector, Count, Scalar
 
@@ -96,11 +101,7 @@ class VariableGainCrossCoupled(Controller):
     derivative_cutoff_hz: Scalar = real(unit="Hz", above=0.0, finite=False, ndim=0, default=np.inf)
 
     def __check_init__(self) -> None:
-        if not isinstance(self.axis, AxisController):
-            raise ConfigurationError(
-                "axis must be an axis law, such as AxisPid or Cascade, "
-                f"got {type(self.axis).__name__}"
-            )
+        refuse_no_axis_law(self.axis)
 
     @property
     def needs(self) -> Needs:
