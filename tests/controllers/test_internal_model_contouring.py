@@ -371,10 +371,9 @@ def test_conformance_of_the_internal_model():
     reference = constant_rate(DISC, rate=0.34, duration=5.9, sample_time=0.1, start=0.5)
     check_controller(
         InternalModelContouring(
-            axis=every_gain(1e6), master=0, stabiliser_gain=[-8.0, -5.0], turning_width=0.2,
+            axis=every_gain(1e6), master=0, stabiliser_gain=[-380.0, -250.0], turning_width=0.2,
             disturbance_observer_hz=0.6, disturbance_frequencies_hz=[1.0], second_signal="master",
             engage_time=0.45, observer_gain=0.05, master_observer_hz=0.8, compensate_master=False,
         ),
         contour=DISC, sample_time=0.1, reference=reference,
-        inert=("offset", "stabiliser_range", "stabiliser_decay"),
     )  # fmt: skip

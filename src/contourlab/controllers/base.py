@@ -100,6 +100,18 @@ class BoundController(Configuration):
         del state
         return {}
 
+    def facts(self) -> dict[str, str]:
+        """Return what was chosen or found when the law was bound, by name, in words.
+
+        It goes into the recording's attributes, from where reports take it; names are words joined
+        by underscores.
+        """
+        return {}
+
+    def warnings(self) -> tuple[str, ...]:
+        """Return what could not be done when the law was bound, in sentences, for the recording."""
+        return ()
+
     def status(self, state: Any) -> Count:
         """Return the status of the last step, an index into ``statuses``.
 

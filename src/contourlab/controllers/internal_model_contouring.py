@@ -24,9 +24,11 @@ sample ahead by its nominal model and an observer, and the same predictions are 
 instant, for f and for the coefficients. What is predicted wrongly enters e as if the path had
 moved. One point of the reference is previewed, for the contour parameter expected there.
 
-**Disturbances.** With ``disturbance_observer_hz`` an extended state observer on each slave takes
-away what acts at its input: a constant, and sinusoids of ``disturbance_frequencies_hz``, whose
-generating dynamics are thereby part of the internal model. This is what section 7 announces.
+**Disturbances.** With ``disturbance_observer_hz`` the exosystem is augmented by what acts at each
+slave's input: a constant, and sinusoids of ``disturbance_frequencies_hz``. Their internal model is
+a unit of its own beside that of the reference, an extended state observer
+(:mod:`~contourlab.controllers.augmentation`). With the constant alone it is what section 7
+announces.
 
 **Order.** Nominal models are of second order; an identified pulse transfer function may be of any,
 see :mod:`~contourlab.controllers.immersion` for the filter that brings the exosystem to it.
@@ -47,8 +49,6 @@ driven by what was applied.
 
 from __future__ import annotations
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -56,24 +56,17 @@ from contourlab.configuration import part, real, static
 from contourlab.contours.base import Contour
 from contourlab.controllers.axis_controller import (
     AxisController,
-    BoundAxisController,
-    clip,
 )
-from contourlab.controllers.base import BoundController, Controller, Needs
-from contourlab.controllers.exosystem import SIGNALS, alpha_1, alpha_2
-from contourlab.controllers.immersion import InternalUnit
+from contourlab.controllers.base import Controller, Needs
+from contourlab.controllers.exosystem import SIGNALS
+from contourlab.controllers.internal_model_bound import BoundInternalModelContouring
 from contourlab.controllers.internal_model_fields import bound_model, bound_stabiliser, check_fields
 from contourlab.controllers.internal_model_state import InternalModelState
-from contourlab.controllers.position_domain import PositionDomain, PositionDomainState
-from contourlab.controllers.position_domain_law import (
-    MasterCompensation,
-    bound_domain,
-    refuse_lone_axis,
-)
-from contourlab.controllers.pulse_model import AxisObserver, PulseModel
+from contourlab.controllers.master_compensation import bound_compensation
+from contourlab.controllers.position_domain_law import bound_domain, refuse_lone_axis
+from contourlab.controllers.pulse_model import AxisObserver
 from contourlab.controllers.second_signal import SecondSignal
-from contourlab.recordings.sample import Sample
-from contourlab.typing import Array, AxisVector, Count, Flag, Scalar, Vector
+from contourlab.typing import Array, Scalar
 
 __all__ = ["BoundInternalModelContouring", "InternalModelContouring", "InternalModelState"]
 
@@ -91,27 +84,34 @@ class InternalModelContouring(Controller):
         Of the exosystem: ``"best"``, ``"position"`` (the paper's), ``"master"`` or
         ``"derivative"``; see :mod:`~contourlab.controllers.exosystem`.
     offset
-        Added to the position, where it is the second signal [m].
+        Added to the position, where it is the second signal [m]; refused where it is not. 0 by
+        default.
     conversion
         ``"tracked"`` or ``"arccos"`` (Algorithm 3.1); see
         :mod:`~contourlab.controllers.position_domain`.
     turning_width
-        Share of the master's swing, > 0 and < 1, below which a turning point is near.
+        Share of the master's steepest slope, > 0 and < 1, below which its position says little of
+        the place; 0.03 by default. Of ``"tracked"`` only.
     compensate_master
-        Whether the master's amplitude and phase are compensated (Remark 4.1).
+        Whether the master's amplitude and phase are compensated (Remark 4.1): by default where that
+        can be done, and the recording says where it cannot; True refuses there.
     master_observer_hz
         Bandwidth of the observer that predicts the master, > 0 [Hz].
     stabiliser_gain
         K, shape (n,) or (n_slaves, n) [command unit per m]; by default found by linear matrix
         inequalities when the law is bound.
     stabiliser_range
-        Half-width of the box of α about (-2, 1) for which they hold, > 0.
+        Half-width of the box of α about (-2, 1) for which they must hold, > 0; 0.01 by default. Of
+        gains that are given: the loop must be stable at its corners, and what is certified is
+        watched up to it; without it, as far as it is certified.
     stabiliser_decay
-        ρ of :mod:`~contourlab.controllers.stabiliser`, > 0 and < 1.
+        ρ of :mod:`~contourlab.controllers.stabiliser`, > 0 and < 1; 0.6 by default. Of gains that
+        are given: bound on the spectral radius at the corners; 1 by default.
     observer_gain
         F of (36).
     disturbance_observer_hz
-        Bandwidth of the slaves' disturbance observers, > 0 [Hz]; none by default.
+        Bandwidth of the slaves' disturbance observers, > 0 [Hz]; none by default. It should be some
+        five times the highest of the frequencies below.
     disturbance_frequencies_hz
         Frequencies of known disturbances, > 0 [Hz], beside the constant.
     engage_time
@@ -133,14 +133,14 @@ class InternalModelContouring(Controller):
     axis: AxisController = part()
     master: int | None = static(minimum=0, default=None)
     second_signal: str = static(allowed=SIGNALS, default="best")
-    offset: Scalar = real(unit="m", ndim=0, default=0.0)
+    offset: Scalar | None = real(unit="m", ndim=0, default=None)
     conversion: str = static(allowed=("tracked", "arccos"), default="tracked")
-    turning_width: Scalar = real(above=0.0, below=1.0, ndim=0, default=0.03)
-    compensate_master: bool = static(flag=True, default=True)
+    turning_width: Scalar | None = real(above=0.0, below=1.0, ndim=0, default=None)
+    compensate_master: bool | None = static(flag=True, default=None)
     master_observer_hz: Scalar = real(unit="Hz", above=0.0, ndim=0, default=100.0)
     stabiliser_gain: Float[Array, " ..."] | None = real(default=None)
-    stabiliser_range: Scalar = real(above=0.0, ndim=0, default=0.01)
-    stabiliser_decay: Scalar = real(above=0.0, below=1.0, ndim=0, default=0.6)
+    stabiliser_range: Scalar | None = real(above=0.0, ndim=0, default=None)
+    stabiliser_decay: Scalar | None = real(above=0.0, below=1.0, ndim=0, default=None)
     observer_gain: Scalar = real(ndim=0, default=1e-4)
     disturbance_observer_hz: Scalar | None = real(unit="Hz", above=0.0, ndim=0, default=None)
     disturbance_frequencies_hz: Float[Array, " n"] | None = real(unit="Hz", above=0.0, default=None)
@@ -185,9 +185,11 @@ class InternalModelContouring(Controller):
         ------
         RefusedError
             No axis can be the master, or the one that was asked for cannot; a corner; a numerator
-            with a zero on or outside the unit circle; no certified gain.
+            with a zero on or outside the unit circle; a gain that is not stable, or none that is
+            certified; a master that was to be compensated and cannot be.
         ConfigurationError
-            A gain or model of another shape or sample time; no solver for the gains.
+            A gain or model of another shape or sample time; no solver for the gains; an offset
+            that is added to nothing.
         """
         name = type(self).__name__
         domain = bound_domain(
@@ -203,10 +205,8 @@ class InternalModelContouring(Controller):
             extra = self.disturbance_frequencies_hz
             known = np.append(0.0, np.zeros(0) if extra is None else extra)
         bandwidth = 1.0 if self.disturbance_observer_hz is None else self.disturbance_observer_hz
-        compensation = (
-            MasterCompensation.of(axis, domain.motion, whole, sample_time)
-            if self.compensate_master
-            else None
+        compensation, remark = bound_compensation(
+            name, self.compensate_master, axis, domain.motion, whole, sample_time
         )
         return BoundInternalModelContouring(
             axis=axis,
@@ -225,218 +225,7 @@ class InternalModelContouring(Controller):
             **bound_stabiliser(self, model),
             observer_gain=self.observer_gain,
             engage_time=self.engage_time,
+            master_asked=self.master is not None,
+            gain_given=self.stabiliser_gain is not None,
+            remarks=(remark,) * bool(remark),
         )  # fmt: skip
-
-
-class BoundInternalModelContouring(BoundController):
-    """The discretised law; made by :meth:`InternalModelContouring.bind`."""
-
-    axis: BoundAxisController = part()
-    domain: PositionDomain = part()
-    slaves: tuple[int, ...] = static()
-    signal: SecondSignal = part()
-    compensation: MasterCompensation | None = part()
-    master_observer: AxisObserver = part()
-    slave_observer: AxisObserver = part()
-    model: PulseModel = part()
-    gain: Float[Array, "2 n_slaves order"] = real()
-    """K at the lower and the upper end of α1."""
-    low: Vector = real()
-    high: Vector = real()
-    """Ends of α1 between which K is scheduled; the same for a constant K."""
-    half_width: Vector = real(finite=False)
-    """Of the box for which K is certified; infinite where nothing was asked."""
-    certificate: Vector = real(finite=False)
-    """Margin of the certificate; NaN is not allowed, 0 stands for none."""
-    observer_gain: Scalar = real()
-    engage_time: Scalar = real(unit="s")
-
-    statuses = (
-        "normal", "saturated", "slaves not engaged yet", "outside the certified coefficients",
-        "no recurrence: the exosystem does not turn",
-    )  # fmt: skip
-
-    def init(self, sample: Sample) -> InternalModelState:
-        """Return the state before the first step: axes at rest where they were measured.
-
-        Parameters
-        ----------
-        sample
-            The first sample.
-        """
-        own, master = np.asarray(self.slaves, int), self.domain.motion.axis
-        domain = self.domain.init(sample.reference.parameter)
-        f, g = self._signals(domain)
-        copy, command = self.model.rest(sample.position[own])
-        zero = jnp.zeros(len(self.slaves))
-        memory = jnp.zeros((len(self.slaves), self.model.order - 1))
-        return InternalModelState(
-            axis=self.axis.init(self._compensated(sample)),
-            domain=domain,
-            master=self.master_observer.init(sample.position[master : master + 1]),
-            disturbed=self.slave_observer.init(sample.position[own]),
-            reference=jnp.stack([f, f]),
-            second=jnp.stack([g, g]),
-            alpha=zero - 2.0,
-            copy=copy,
-            unit=InternalUnit(memory),
-            observed=memory,
-            error=zero,
-            applied=command,
-            by_model=command,
-            by_gain=zero,
-            last_step=jnp.stack([zero - 2.0, zero, zero]),
-            samples=jnp.zeros((), jnp.int32),
-            status=jnp.zeros((), jnp.int32),
-        )
-
-    def step(
-        self, state: InternalModelState, sample: Sample
-    ) -> tuple[AxisVector, InternalModelState]:
-        """Return the command, shape (n_axes,), and the new state.
-
-        Parameters
-        ----------
-        state
-            As ``init`` or the last ``step`` returned it.
-        sample
-            This instant.
-        """
-        own, master = np.asarray(self.slaves, int), self.domain.motion.axis
-        model, order = self.model, self.model.order
-        limit = jnp.broadcast_to(jnp.asarray(self.axis.command_limit), np.shape(sample.position))
-
-        # the master, and where it will be
-        by_axes, proposal = self.axis.propose(state.axis, self._compensated(sample))
-        first = clip(by_axes, limit)[master]
-        predicted = self.master_observer.step(
-            state.master, sample.position[master : master + 1], first[None]
-        )
-        domain = self.domain.step(state.domain, predicted.axes[0, 0], sample.preview.parameter[0])
-
-        # the exosystem: samples k-1, k, k+1
-        f_next, g_next = self._signals(domain)
-        f = jnp.concatenate([state.reference, f_next[None]])
-        g = jnp.concatenate([state.second, g_next[None]])
-        alpha, well = alpha_1(f, g)
-        before = jnp.stack([state.alpha, alpha_2(f, g)], -1)  # α(k-1)
-        before = jnp.concatenate([before, jnp.zeros((len(own), order - 2))], -1)
-
-        # what waited for α2(k-1): the internal model and the observer at k
-        copy = model.advance(state.copy, state.applied)  # (26)
-        u_r = copy[:, 0]
-        unit = state.unit.advance(
-            model, before - model.denominator, state.copy[:, 0], state.by_model
-        )
-        observed = self._observe(state, before)
-        error = sample.position[own] - f[1]
-
-        by_model = unit.output(model, alpha - model.denominator[:, 0], u_r)
-        hidden = jnp.asarray(observed).at[:, 0].add(self.observer_gain * error)  # x̂_b of (36)
-        by_gain = self._gain(alpha, error, hidden)
-        push = self.slave_observer.disturbance(state.disturbed)
-        engaged = (sample.time >= self.engage_time - 1e-12) & (state.samples >= order)
-        slaves = jnp.where(engaged, by_model + by_gain - push, by_axes[own])  # (42)
-        wanted = jnp.asarray(by_axes).at[own].set(slaves)
-        command = clip(wanted, limit)
-        applied = command[own] + push
-        ahead = self._anticipated(f)
-        return command, InternalModelState(
-            axis=self.axis.settle(proposal, wanted, command),
-            domain=domain,
-            master=predicted,
-            disturbed=self.slave_observer.step(state.disturbed, sample.position[own], command[own]),
-            reference=f[1:],
-            second=g[1:],
-            alpha=alpha,
-            copy=copy,
-            unit=unit,
-            observed=observed,
-            error=error,
-            applied=applied,
-            by_model=jnp.where(engaged, by_model, ahead),
-            by_gain=jnp.where(engaged, applied - by_model, 0.0),
-            last_step=jnp.stack([alpha, error, well]),
-            samples=state.samples + 1,
-            status=self._status(wanted, command, engaged, alpha, before[:, 1], well),
-        )
-
-    def telemetry(self, state: InternalModelState) -> dict[str, Array]:
-        """Return the place on the path, errors in the position domain, and α1.
-
-        Parameters
-        ----------
-        state
-            As ``step`` returned it.
-        """
-        return {
-            "position_parameter": jnp.asarray(state.domain.parameter),
-            "position_domain_error": state.error,
-            "exosystem_alpha_1": state.alpha,
-            "disturbance_estimate": self.slave_observer.disturbance(state.disturbed),
-        }
-
-    def status(self, state: InternalModelState) -> Count:
-        """Return the index into ``statuses`` of the last step.
-
-        Parameters
-        ----------
-        state
-            As ``step`` returned it.
-        """
-        return state.status
-
-    def _compensated(self, sample: Sample) -> Sample:
-        return sample if self.compensation is None else self.compensation.apply(sample)
-
-    def _signals(self, domain: PositionDomainState) -> tuple[Vector, Vector]:
-        """Return f and g of the slaves at a place on the path."""
-        target, slope = self.domain.follow(domain)
-        g = self.signal.value(self.domain, domain.parameter, target, slope, self.slaves)
-        return target[np.asarray(self.slaves, int)], g
-
-    def _observe(self, state: InternalModelState, alpha: Array) -> Array:
-        """Return ẑ at k from what was known at k-1 (36)."""
-        b, gain = self.model.numerator, self.observer_gain
-        lead = state.observed[:, 0] + gain * state.error  # first of x̂_b
-        shifted = jnp.concatenate([state.observed[:, 1:], jnp.zeros_like(b[:, :1])], -1)
-        # A22 x̂_b + A21 e + B2 u_st, less F times what is predicted of e
-        ahead: jax.Array = (
-            shifted - alpha[:, 1:] * state.error[:, None] + b[:, 1:] * state.by_gain[:, None]
-        )
-        next_error = lead - alpha[:, 0] * state.error + b[:, 0] * state.by_gain
-        return ahead.at[:, 0].add(-gain * next_error)
-
-    def _gain(self, alpha: Vector, error: Vector, hidden: Array) -> Vector:
-        """Return u_st, K being scheduled over α1 with convex weights (41)."""
-        width = self.high - self.low
-        share = (alpha - self.low) / jnp.where(width > 0.0, width, 1.0)
-        share = jnp.where(width > 0.0, jnp.clip(share, 0.0, 1.0), 0.0)
-        gain = self.gain[0] + share[:, None] * (self.gain[1] - self.gain[0])
-        return gain[:, 0] * error + jnp.sum(gain[:, 1:] * hidden, -1)
-
-    def _anticipated(self, f: Array) -> Vector:
-        """Return the command that the reference would take, by its last samples, before engaging.
-
-        A(z) f over B(1): with it in its memory the unit starts without a jump.
-        """
-        model = self.model
-        rise, bend = f[2] - f[1], f[2] - 2.0 * f[1] + f[0]
-        total = f[2]
-        for i in range(1, model.order + 1):
-            steps = i - 1.0  # f(k + 1 - i), by the parabola through the last three samples
-            back = f[1] - steps * (rise - bend) + 0.5 * steps * (steps - 1.0) * bend
-            total = total + model.denominator[:, i - 1] * back
-        return total / jnp.sum(model.numerator, -1)
-
-    def _status(
-        self, wanted: AxisVector, command: AxisVector, engaged: Flag, alpha_now: Vector,
-        alpha_before: Vector, well: Vector,
-    ) -> Count:  # fmt: skip
-        outside = jnp.any(jnp.abs(alpha_now + 2.0) > self.half_width) | jnp.any(
-            jnp.abs(alpha_before - 1.0) > self.half_width
-        )
-        number = jnp.where(outside, 3, 0)
-        number = jnp.where(jnp.any(well < 0.5), 4, number)
-        number = jnp.where(engaged, number, 2)
-        return jnp.where(jnp.any(wanted != command), 1, number).astype(jnp.int32)

@@ -5,10 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contourlab.configuration import is_concrete
+from contourlab.controllers.position_domain_law import check_conversion
 from contourlab.controllers.pulse_model import PulseModel
 from contourlab.controllers.stabiliser import design_stabiliser
+from contourlab.controllers.stabiliser_certificate import WIDEST, certify_gain, worst_radius
 from contourlab.errors import ConfigurationError, RefusedError
 from contourlab.typing import Scalar
 
@@ -19,6 +22,10 @@ __all__ = ["bound_model", "bound_stabiliser", "check_fields"]
 
 ON_CIRCLE = 1e-6
 """How near to the unit circle a zero of an axis may come."""
+RANGE = 0.01
+"""Half width of the box of α, unless another is given."""
+DECAY = 0.6
+"""ρ of gains that are found, unless another is given."""
 
 
 def check_fields(law: InternalModelContouring) -> None:
@@ -47,6 +54,12 @@ def check_fields(law: InternalModelContouring) -> None:
                 f"n >= 2, got {np.shape(np.asarray(law.numerator))} and "
                 f"{np.shape(np.asarray(law.denominator))}"
             )
+    check_conversion(law.conversion, law.turning_width)
+    if law.offset is not None and law.second_signal not in ("best", "position"):
+        raise ConfigurationError(
+            "offset is added to the position as second signal, and second_signal is "
+            f"{law.second_signal!r}; remove it"
+        )
     if law.disturbance_frequencies_hz is not None and law.disturbance_observer_hz is None:
         raise ConfigurationError(
             "disturbance_frequencies_hz goes with disturbance_observer_hz, which is not given"
@@ -120,32 +133,55 @@ def bound_stabiliser(law: InternalModelContouring, model: PulseModel) -> dict[st
     ConfigurationError
         A gain of another shape, or no solver.
     RefusedError
-        No gain is certified.
+        No gain is certified, or the one that was given is not stable.
     """
-    n_slaves, order = np.shape(model.numerator)
     if law.stabiliser_gain is not None:
-        gain = np.asarray(law.stabiliser_gain)
-        if gain.shape not in ((order,), (n_slaves, order)):
-            raise ConfigurationError(
-                f"stabiliser_gain must have {order} values for each of the {n_slaves} slaves, or "
-                f"{order} for all, got shape {gain.shape}"
-            )
-        spread = np.broadcast_to(gain, (2, n_slaves, order)).copy()
-        none = np.full(n_slaves, -2.0)
-        return {
-            "gain": spread, "low": none, "high": none.copy(),
-            "half_width": np.full(n_slaves, np.inf), "certificate": np.zeros(n_slaves),
-        }  # fmt: skip
-    designs = [
-        design_stabiliser(
-            b, half_width=float(np.asarray(law.stabiliser_range)),
-            decay=float(np.asarray(law.stabiliser_decay)),
-        )
-        for b in np.asarray(model.numerator)
-    ]  # fmt: skip
+        return _as_given(law, np.asarray(law.stabiliser_gain), np.asarray(model.numerator))
+    width = RANGE if law.stabiliser_range is None else float(np.asarray(law.stabiliser_range))
+    decay = DECAY if law.stabiliser_decay is None else float(np.asarray(law.stabiliser_decay))
+    numerators = np.asarray(model.numerator)
+    designs = [design_stabiliser(b, half_width=width, decay=decay) for b in numerators]
+    radii = [
+        max(worst_radius(b, gain, width)[0] for gain in design.gain)
+        for b, design in zip(numerators, designs, strict=True)
+    ]
     return {
         "gain": np.stack([d.gain for d in designs], 1),
         "low": np.array([d.low for d in designs]), "high": np.array([d.high for d in designs]),
         "half_width": np.array([d.half_width for d in designs]),
-        "certificate": np.array([d.margin for d in designs]),
+        "certificate": np.array([d.margin for d in designs]), "radius": np.array(radii),
+    }  # fmt: skip
+
+
+def _as_given(
+    law: InternalModelContouring, gain: NDArray[Any], numerators: NDArray[Any]
+) -> dict[str, Any]:
+    """Return gains that were given, stable at the corners of the range, with their certificate."""
+    n_slaves, order = numerators.shape
+    if gain.shape not in ((order,), (n_slaves, order)):
+        raise ConfigurationError(
+            f"stabiliser_gain must have {order} values for each of the {n_slaves} slaves, or "
+            f"{order} for all, got shape {gain.shape}"
+        )
+    asked = None if law.stabiliser_range is None else float(np.asarray(law.stabiliser_range))
+    bound = 1.0 if law.stabiliser_decay is None else float(np.asarray(law.stabiliser_decay))
+    rows = np.broadcast_to(gain, (n_slaves, order))
+    certificates, radii = [], []
+    for slave, (b, row) in enumerate(zip(numerators, rows, strict=True)):
+        radius, where = worst_radius(b, row, RANGE if asked is None else asked)
+        if not radius < bound:
+            raise RefusedError(
+                f"stabiliser_gain of slave {slave + 1} gives a loop with a spectral radius of "
+                f"{radius:.4g} at alpha = ({where[0]:.4g}, {where[1]:.4g}), where it must be < "
+                f"{bound:g}: it does not stabilise the axis over the range of "
+                f"{RANGE if asked is None else asked:g} about (-2, 1)"
+            )
+        radii.append(radius)
+        certificates.append(certify_gain(b, row, at_most=WIDEST if asked is None else asked))
+    none = np.full(n_slaves, -2.0)
+    return {
+        "gain": np.broadcast_to(gain, (2, n_slaves, order)).copy(),
+        "low": none, "high": none.copy(),
+        "half_width": np.array([c.half_width for c in certificates]),
+        "certificate": np.array([c.margin for c in certificates]), "radius": np.array(radii),
     }  # fmt: skip

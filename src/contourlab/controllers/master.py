@@ -5,8 +5,10 @@ if it swings between the same two ends (Assumptions 3.1 and 3.2). A coordinate t
 over a stretch (the side of a rectangle) or that turns back elsewhere than at the ends of its range
 has no position variable: the place on the path does not follow from the position.
 
-Paths are looked at on a grid, 2048 points over the domain, and turning points are found to rounding
-by Newton's method.
+Paths are looked at piece by piece (:mod:`~contourlab.controllers.path_grid`), so that a dwell is
+seen however short it is beside the path; turning points are found to rounding by bisection. A
+slope that vanishes at a point, at an end of the path or within, is no dwell: the place is then held
+as at a turning point (:mod:`~contourlab.controllers.position_domain`).
 
 Remark 2.1 says to take the least precise axis for the master, because the slaves make up for its
 error. Of the axes that can be the master, :func:`choose_master` takes the one that answers most
@@ -19,7 +21,6 @@ References
 
 from __future__ import annotations
 
-import functools
 from typing import Any
 
 import jax
@@ -29,6 +30,7 @@ from numpy.typing import NDArray
 
 from contourlab.configuration import Configuration, is_concrete, real, static
 from contourlab.contours.base import Contour
+from contourlab.controllers.path_grid import path_grid, path_rows
 from contourlab.errors import RefusedError
 from contourlab.machines.base import NominalModel
 from contourlab.typing import Array
@@ -37,12 +39,9 @@ __all__ = [
     "MasterMotion",
     "choose_master",
     "master_motion",
-    "path_grid",
-    "path_rows",
     "why_not_master",
 ]
 
-POINTS = 2048
 STILL = 1e-9
 """Slope below which a coordinate stands still, relative to its steepest."""
 SAME_END = 1e-6
@@ -59,7 +58,7 @@ class MasterMotion(Configuration):
     rotational: bool = static(flag=True)
     """Whether it swings, or only rises or falls."""
     cosine: bool = static(flag=True)
-    """Whether it is ``centre + amplitude cos(p + phase)`` in the contour parameter p."""
+    """Whether it is ``centre + amplitude cos(κ p + phase)`` in the contour parameter p."""
     steepest: Float[Array, ""] = real(above=0.0)
     """Largest |m'| [m per unit of the parameter]."""
     centre: Float[Array, ""] = real(unit="m")
@@ -68,6 +67,9 @@ class MasterMotion(Configuration):
     """Half its range: R of (6)."""
     phase: Float[Array, ""] = real(unit="rad")
     """Of the cosine; 0 if it is none."""
+    angle_rate: Float[Array, ""] = real(above=0.0)
+    """κ, angle per contour parameter: 1 on a curve over its angle, 1/R on a circle of radius R over
+    arc length; 1 if it is no cosine."""
 
 
 def master_motion(law: str, path: Contour, axis: int, names: tuple[str, ...]) -> MasterMotion:
@@ -107,17 +109,31 @@ def master_motion(law: str, path: Contour, axis: int, names: tuple[str, ...]) ->
     low, high = _ends(path, axis, grid, value, slope)
     centre, amplitude = 0.5 * (low + high), 0.5 * (high - low)
     rotational = bool(np.any(slope > 0.0) and np.any(slope < 0.0))
-    phase = 0.0
-    cosine = False
+    phase, rate, cosine = 0.0, 1.0, False
     if rotational:
-        phase = float(np.arctan2(-slope[0], value[0] - centre) - grid[0])
-        off = value - centre - amplitude * np.cos(grid + phase)
-        cosine = bool(np.max(np.abs(off)) <= COSINE * amplitude)
+        rate, phase, cosine = _as_cosine(path, axis, grid, centre, amplitude)
     return MasterMotion(
         axis=axis, rotational=rotational, cosine=cosine, steepest=np.max(np.abs(slope)),
         centre=np.asarray(centre), amplitude=np.asarray(amplitude),
-        phase=np.asarray(phase if cosine else 0.0),
+        phase=np.asarray(phase), angle_rate=np.asarray(rate),
     )  # fmt: skip
+
+
+def _as_cosine(
+    path: Contour, axis: int, grid: NDArray[Any], centre: float, amplitude: float
+) -> tuple[float, float, bool]:
+    """Return κ and the phase of a coordinate that is a cosine, and whether it is one."""
+    value, slope, bend = np.asarray(path_rows(path, grid, 2))[:, :, axis].T
+    off = value - centre
+    squared = -float(bend @ off) / float(off @ off)  # m'' = -κ² (m - centre)
+    if not squared > 0.0:
+        return 1.0, 0.0, False
+    rate = float(np.sqrt(squared))
+    phase = float(np.arctan2(-slope[0] / rate, off[0]) - rate * grid[0])
+    left = off - amplitude * np.cos(rate * grid + phase)
+    left_slope = slope / rate + amplitude * np.sin(rate * grid + phase)
+    worst = max(float(np.max(np.abs(left))), float(np.max(np.abs(left_slope))))
+    return (rate, phase, True) if worst <= COSINE * amplitude else (1.0, 0.0, False)
 
 
 def why_not_master(path: Contour, axis: int) -> str:
@@ -192,34 +208,6 @@ def _slowness(model: NominalModel) -> NDArray[Any]:
     slow = mass / np.maximum(viscous, 1e-12 * mass)
     # between axes without drag: the one with the least acceleration per command
     return slow * (1.0 + 1e-9 * mass / gain)  # type: ignore[no-any-return]
-
-
-@functools.partial(jax.jit, static_argnames=("order",))
-def path_rows(path: Contour, parameter: Array, order: int) -> Array:
-    """Return derivatives at many parameters, shape (n, order + 1, n_axes).
-
-    Parameters
-    ----------
-    path
-        In the space of the axes.
-    parameter
-        Shape (n,).
-    order
-        Highest derivative; static.
-    """
-    return jax.vmap(lambda p: path.derivatives(p, order))(parameter)
-
-
-def path_grid(path: Contour) -> NDArray[Any]:
-    """Return the parameters at which a path is looked at, both ends of its domain included.
-
-    Parameters
-    ----------
-    path
-        In the space of the axes.
-    """
-    low, high = (float(np.asarray(end)) for end in path.domain)
-    return np.linspace(low, high, POINTS + 1)
 
 
 def _rows(path: Contour, axis: int) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:

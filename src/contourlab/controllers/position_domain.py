@@ -4,8 +4,8 @@ A law in the position domain asks not where the reference is now, but where on t
 is, and sends the other axes there. That place is the contour parameter p with m(p) = y, m being the
 master's coordinate and y its position. Two kinds of master have one (Assumptions 3.1 and 3.2):
 
-*monotone*, m' ≠ 0 all along: p is the root of m(p) = y, found by Newton's method from where it was
-expected;
+*monotone*, m only rises or only falls: p is the root of m(p) = y, found by Newton's method from
+where it was expected;
 
 *rotational*, a coordinate that swings between the same two ends: m(p) = y has a root on every
 swing, and the one near the expected place is meant. (6), y = R cos θ, is of this kind, θ being the
@@ -22,11 +22,13 @@ weighted by how well it says it:
 ε being the ``turning_width``: within about ε of a turning point, as a share of the swing, the lag
 stays what it was. Away from it (P) is Newton's step. What remains of an error in p is multiplied by
 (ε S)² / (m'² + (ε S)²) at each of two steps a sample, so that a constant lag leaves no error at
-all; a measured error σ moves p by at most σ / (ε S) [parameter].
+all; a measured error σ moves p by at most σ / (ε S) [parameter]. A monotone master is found by the
+same step, taken five times: where its slope is not small the root is met to rounding, and where it
+vanishes (half a circle begins and ends so) it is a turning point like any other.
 
 ``"arccos"``: Algorithm 3.1 with its start and its turning points put right, for masters with
-m(p) = c + R cos(p + φ): θ is the angle with R cos θ = y - c that lies nearest to the expected one,
-y - c clipped to ± R. Exact for exact positions of exactly that amplitude.
+m(p) = c + R cos(κ p + φ): θ is the angle with R cos θ = y - c that lies nearest to the expected
+one, y - c clipped to ± R. Exact for exact positions of exactly that amplitude.
 
 As printed (:func:`convert_as_printed`) the algorithm starts on the branch on which y falls,
 whatever y does, and sees a turning point when the angle falls, one sample late where the turn lies
@@ -63,8 +65,6 @@ CORRECTIONS = 2
 """Steps (P) in a sample."""
 NEWTON_STEPS = 5
 """For a monotone master: the error is squared in each, from a lag that is short beside the path."""
-END_WIDTH = 1e-3
-"""ε of (P) for a monotone master, whose slope may vanish at an end of the path."""
 LONGEST_STEP = 0.125
 """Of a correction, as a share of the path's parameter range."""
 
@@ -120,15 +120,14 @@ class PositionDomain(Configuration):
         p = state.parameter + (reference - state.reference)
         piece = state.piece
         axis = self.motion.axis
-        if self.conversion == "arccos" and self.motion.rotational:
-            cosine = (position - self.motion.centre) / self.motion.amplitude
-            p = nearest_angle(cosine, p + self.motion.phase) - self.motion.phase
+        if self.conversion == "arccos":
+            motion = self.motion
+            cosine = (position - motion.centre) / motion.amplitude
+            angle = nearest_angle(cosine, motion.angle_rate * p + motion.phase)
+            p = (angle - motion.phase) / motion.angle_rate
             return PositionDomainState(p, jnp.asarray(reference, float), self._locate(p, piece))
-        rotational = self.motion.rotational
-        steps = CORRECTIONS if rotational else NEWTON_STEPS
-        # where a monotone master begins or ends at a standstill, Newton's step would go anywhere
-        width = self.turning_width if rotational else END_WIDTH
-        damping = (width * self.motion.steepest) ** 2
+        steps = CORRECTIONS if self.motion.rotational else NEWTON_STEPS
+        damping = (self.turning_width * self.motion.steepest) ** 2
         start, end = (jnp.asarray(edge, float) for edge in self.path.domain)
         longest = LONGEST_STEP * jnp.abs(end - start)
         for _ in range(steps):

@@ -40,10 +40,12 @@ from contourlab.controllers.axis_controller import (
     held_integral,
 )
 from contourlab.controllers.base import BoundController, Controller, Needs
+from contourlab.controllers.master_compensation import MasterCompensation, bound_compensation
 from contourlab.controllers.position_domain import PositionDomain, PositionDomainState
 from contourlab.controllers.position_domain_law import (
-    MasterCompensation,
     bound_domain,
+    check_conversion,
+    master_fact,
     refuse_lone_axis,
 )
 from contourlab.controllers.pulse_model import PulseModel
@@ -90,9 +92,11 @@ class PositionDomainPid(Controller):
     conversion
         ``"tracked"`` or ``"arccos"``; see :mod:`~contourlab.controllers.position_domain`.
     turning_width
-        Share of the master's swing, > 0 and < 1, below which a turning point is near.
+        Share of the master's steepest slope, > 0 and < 1, below which its position says little of
+        the place; 0.03 by default. Of ``"tracked"`` only.
     compensate_master
-        Whether the master's amplitude and phase are compensated.
+        Whether the master's amplitude and phase are compensated: by default where that can be done,
+        and the recording says where it cannot; True refuses there.
 
     Raises
     ------
@@ -107,11 +111,12 @@ class PositionDomainPid(Controller):
     master: int | None = static(minimum=0, default=None)
     least_speed: Scalar = real(unit="m/s", above=0.0, ndim=0, default=1e-4)
     conversion: str = static(allowed=("tracked", "arccos"), default="tracked")
-    turning_width: Scalar = real(above=0.0, below=1.0, ndim=0, default=0.03)
-    compensate_master: bool = static(flag=True, default=True)
+    turning_width: Scalar | None = real(above=0.0, below=1.0, ndim=0, default=None)
+    compensate_master: bool | None = static(flag=True, default=None)
 
     def __check_init__(self) -> None:
         refuse_lone_axis(self.axis)
+        check_conversion(self.conversion, self.turning_width)
 
     @property
     def needs(self) -> Needs:
@@ -140,34 +145,35 @@ class PositionDomainPid(Controller):
         Raises
         ------
         RefusedError
-            No axis can be the master, or the one that was asked for cannot; a corner.
+            No axis can be the master, or the one that was asked for cannot; a corner; a master that
+            was to be compensated and cannot be.
         ConfigurationError
             A gain that is neither one number nor one per slave.
         """
+        name = type(self).__name__
         domain = bound_domain(
-            type(self).__name__, contour, self.axis, self.master, self.conversion,
+            name, contour, self.axis, self.master, self.conversion,
             self.turning_width,
         )  # fmt: skip
         slaves = tuple(k for k in range(self.n_axes) if k != domain.motion.axis)
         axis = self.axis.bind(contour, sample_time)
         model = PulseModel.of_model(self.axis.model, sample_time)
         gains = {}
-        for name in ("kp", "ki", "kd"):
-            value = getattr(self, name)
+        for gain in ("kp", "ki", "kd"):
+            value = getattr(self, gain)
             if np.shape(value) not in ((), (1,), (len(slaves),)):
                 raise ConfigurationError(
-                    f"{name} must be one number or one for each of the {len(slaves)} slaves, got "
+                    f"{gain} must be one number or one for each of the {len(slaves)} slaves, got "
                     f"shape {np.shape(value)}"
                 )
-            gains[name] = jnp.broadcast_to(jnp.asarray(value), (len(slaves),))
+            gains[gain] = jnp.broadcast_to(jnp.asarray(value), (len(slaves),))
+        compensation, remark = bound_compensation(
+            name, self.compensate_master, axis, domain.motion, model, sample_time
+        )
         return BoundPositionDomainPid(
-            axis=axis, domain=domain, slaves=slaves, **gains,
-            compensation=(
-                MasterCompensation.of(axis, domain.motion, model, sample_time)
-                if self.compensate_master
-                else None
-            ),
+            axis=axis, domain=domain, slaves=slaves, **gains, compensation=compensation,
             least_way=self.least_speed * sample_time,
+            master_asked=self.master is not None, remarks=(remark,) * bool(remark),
         )  # fmt: skip
 
 
@@ -182,6 +188,8 @@ class BoundPositionDomainPid(BoundController):
     ki: Vector = real()
     kd: Vector = real()
     least_way: Scalar = real(unit="m", above=0.0)
+    master_asked: bool = static(flag=True)
+    remarks: tuple[str, ...] = static(default=())
 
     statuses = ("normal", "saturated")
 
@@ -221,7 +229,7 @@ class BoundPositionDomainPid(BoundController):
         error = target[own] - sample.position[own]
         before = self.domain.follow(state.domain)[0][motion.axis]
         way = (
-            motion.amplitude * (domain.parameter - state.domain.parameter)
+            motion.steepest * (domain.parameter - state.domain.parameter)
             if motion.rotational
             else target[motion.axis] - before
         )
@@ -239,6 +247,14 @@ class BoundPositionDomainPid(BoundController):
             integral=held_integral(state.integral, error * jnp.abs(way), wanted[own], command[own]),
             saturated=jnp.any(wanted != command).astype(jnp.int32),
         )
+
+    def facts(self) -> dict[str, str]:
+        """Return the master, in words."""
+        return {"master": master_fact(self.domain, asked=self.master_asked)}
+
+    def warnings(self) -> tuple[str, ...]:
+        """Return what could not be done when the law was bound, in sentences."""
+        return self.remarks
 
     def telemetry(self, state: PositionDomainPidState) -> dict[str, Array]:
         """Return the place on the path and the errors in the position domain.

@@ -10,8 +10,9 @@ that is held over the sample.
 
 **Observer.** A disturbance d is taken to enter with the command and to be the output of a system
 with known poles: a constant (pole 1, an *extended state observer*) and sinusoids of known
-frequencies. All poles of the observer are put at one place λ = exp(-2π f T). States of the
-disturbance are in units of the position (b_1 d), which keeps the numbers of one size.
+frequencies. On a slave it is unit 3 of :mod:`~contourlab.controllers.augmentation`, the internal
+model of the disturbance. All poles of the observer are put at one place λ = exp(-2π f T). States of
+the disturbance are in units of the position (b_1 d), which keeps the numbers of one size.
 
 References
 ----------
@@ -28,6 +29,7 @@ import numpy as np
 from jaxtyping import Float
 
 from contourlab.configuration import Configuration, part, real
+from contourlab.controllers.augmentation import disturbance_blocks
 from contourlab.controllers.held_model import held_polynomials
 from contourlab.machines.base import NominalModel
 from contourlab.typing import Array, AxisVector, Scalar
@@ -193,34 +195,11 @@ class AxisObserver(Configuration):
         )
 
 
-def _disturbance(count: int, frequencies_hz: Array, sample_time: Scalar) -> tuple[Array, Array]:
-    """Return transition and output of a constant and sinusoids; empty without frequencies.
-
-    A sinusoid is the pair (d, d') with d' in units of d per sample, which stays well scaled however
-    slow it is.
-    """
-    if count == 0:
-        return jnp.zeros((0, 0)), jnp.zeros(0)
-    angle = 2.0 * np.pi * jnp.asarray(frequencies_hz, float) * sample_time
-    size = 2 * count - 1
-    rotation = jnp.zeros((size, size)).at[0, 0].set(1.0)
-    output = jnp.zeros(size).at[0].set(1.0)
-    for k in range(1, count):
-        row = 2 * k - 1
-        cosine, sine = jnp.cos(angle[k]), jnp.sin(angle[k])
-        pair = jnp.stack([
-            jnp.stack([cosine, sine / angle[k]]), jnp.stack([-angle[k] * sine, cosine])
-        ])  # fmt: skip
-        rotation = rotation.at[row : row + 2, row : row + 2].set(pair)
-        output = output.at[row].set(1.0)
-    return rotation, output
-
-
 @jax.jit
 def _designed(
     model: PulseModel, bandwidth_hz: Array, frequencies_hz: Array, sample_time: Array
 ) -> tuple[Array, Array, Array]:
-    rotation, output = _disturbance(np.shape(frequencies_hz)[0], frequencies_hz, sample_time)
+    rotation, output = disturbance_blocks(np.shape(frequencies_hz)[0], frequencies_hz, sample_time)
     pole = jnp.exp(-2.0 * np.pi * bandwidth_hz * sample_time)
     rows = zip(model.denominator, model.numerator, pole, strict=True)
     gain = jnp.stack([_placed(a, b, rotation, output, z) for a, b, z in rows])

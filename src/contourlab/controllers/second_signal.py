@@ -12,8 +12,9 @@ from jaxtyping import Float
 
 from contourlab.configuration import Configuration, real
 from contourlab.controllers.exosystem import SIGNALS, turning
-from contourlab.controllers.master import path_grid, path_rows
+from contourlab.controllers.path_grid import fine_grid, path_rows
 from contourlab.controllers.position_domain import PositionDomain
+from contourlab.errors import ConfigurationError
 from contourlab.typing import Array, AxisVector, Scalar, Vector
 
 __all__ = ["SecondSignal"]
@@ -33,7 +34,10 @@ class SecondSignal(Configuration):
 
     @staticmethod
     def along(
-        domain: PositionDomain, slaves: tuple[int, ...], name: str, offset: Scalar
+        domain: PositionDomain,
+        slaves: tuple[int, ...],
+        name: str,
+        offset: Scalar | None,
     ) -> SecondSignal:
         """Return the second signal of a path.
 
@@ -46,9 +50,15 @@ class SecondSignal(Configuration):
         name
             One of :data:`SIGNALS`.
         offset
-            Added to the position signal [m].
+            Added to the position signal [m]; None for 0.
+
+        Raises
+        ------
+        ConfigurationError
+            An offset, and no slave that takes the position.
         """
-        grid = path_grid(domain.path)
+        shift = 0.0 if offset is None else offset
+        grid = fine_grid(domain.path)
         rows = np.asarray(path_rows(domain.path, grid, 2))
         own, motion = np.asarray(slaves, int), domain.motion
         f, slope, bend = (rows[:, k][:, own] for k in range(3))
@@ -62,13 +72,13 @@ class SecondSignal(Configuration):
             np.full(len(own), 1.0), size / np.asarray(motion.amplitude), per_slope
         ])  # fmt: skip
         place, place_slope = (
-            (motion.amplitude * grid, np.full(len(grid), motion.amplitude))
+            (motion.steepest * grid, np.full(len(grid), motion.steepest))
             if motion.rotational
             else (rows[:, 0, motion.axis], rows[:, 1, motion.axis])
         )
         one = np.ones(len(own))
         signals = (
-            ((place + offset)[:, None] * one, place_slope[:, None] * one),
+            ((place + shift)[:, None] * one, place_slope[:, None] * one),
             (master[0][:, None] * scale[1], master[1][:, None] * scale[1]),
             (slope * scale[2], bend * scale[2]),
         )
@@ -78,8 +88,13 @@ class SecondSignal(Configuration):
             if name == SIGNALS[0]
             else np.full(len(own), SIGNALS.index(name) - 1)
         )
+        if offset is not None and not np.any(taken == 0):
+            raise ConfigurationError(
+                "offset is added to the position as second signal, which is the best of none of "
+                "the slaves on this path; remove it, or take second_signal 'position'"
+            )
         choice = (np.arange(3)[:, None] == taken).astype(float)
-        return SecondSignal(choice=choice, scale=scale, turning=turns, offset=np.asarray(offset))
+        return SecondSignal(choice=choice, scale=scale, turning=turns, offset=np.asarray(shift))
 
     def value(
         self, domain: PositionDomain, parameter: Scalar, target: AxisVector, slope: AxisVector,
@@ -100,7 +115,7 @@ class SecondSignal(Configuration):
         """
         motion, own = domain.motion, np.asarray(slaves, int)
         master = target[motion.axis]
-        place = motion.amplitude * parameter if motion.rotational else master
+        place = motion.steepest * parameter if motion.rotational else master
         one = jnp.ones(len(slaves))
         signals = jnp.stack([
             (place + self.offset) * one, (master - motion.centre) * self.scale[1],

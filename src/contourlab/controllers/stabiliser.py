@@ -46,9 +46,17 @@ from numpy.typing import NDArray
 
 from contourlab.errors import ConfigurationError, RefusedError
 
-__all__ = ["StabiliserDesign", "certified_half_width", "closed_loop", "design_stabiliser"]
+__all__ = [
+    "CENTRE",
+    "StabiliserDesign",
+    "certified_half_width",
+    "closed_loop",
+    "design_stabiliser",
+    "falling_margin",
+]
 
 CENTRE = np.array([-2.0, 1.0])
+"""α of a straight line, about which that of every finely sampled path lies."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +159,7 @@ def design_stabiliser(
     gains = np.array([(np.linalg.solve(g[i].value.T, r[i].value[0])) / b[0] for i in (0, 1)])
     inverse = {corner: np.linalg.inv(value.value) for corner, value in q.items()}
     margin = min(
-        _margin(closed_loop(corners[c], b, gains[c[0]]), inverse[c], inverse[o], decay)
+        falling_margin(closed_loop(corners[c], b, gains[c[0]]), inverse[c], inverse[o], decay)
         for c, o in itertools.product(corners, repeat=2)
     )
     if not margin > 0.0:
@@ -213,11 +221,25 @@ def _common(numerator: Any, gain: Any, half_width: float, decay: float) -> bool:
         return False
     if p.value is None:
         return False
-    return all(_margin(loop, p.value, p.value, decay) > 0.0 for loop in loops)
+    return all(falling_margin(loop, p.value, p.value, decay) > 0.0 for loop in loops)
 
 
-def _margin(loop: NDArray[Any], now: NDArray[Any], later: NDArray[Any], decay: float) -> float:
-    """Return the least eigenvalue of ρ² P_i - A' P_j A and of P_j, relative to the largest of P."""
+def falling_margin(
+    loop: NDArray[Any], now: NDArray[Any], later: NDArray[Any], decay: float
+) -> float:
+    """Return the least eigenvalue of ρ² P_i - A' P_j A and of P_j, relative to the largest of P.
+
+    Positive: the size x' P x of the state falls by ρ² in this sample, and is a size.
+
+    Parameters
+    ----------
+    loop
+        A, shape (n, n).
+    now, later
+        P_i and P_j, shape (n, n).
+    decay
+        ρ.
+    """
     falls = decay**2 * now - loop.T @ later @ loop
     sizes = np.linalg.eigvalsh(0.5 * (later + later.T))
     least = min(float(np.linalg.eigvalsh(0.5 * (falls + falls.T))[0]), float(sizes[0]))

@@ -104,6 +104,8 @@ def build_recording(
         "scenario": scenario,
         "outcome": "normal",
     }
+    attributes = {**law.facts(), **attributes}
+    warnings += law.warnings()
     if diverged >= 0:
         when = diverged * float(np.asarray(reference.sample_time))
         outcome = f"diverged at {when:.4g} s on axis {machine.names[axis]}"
