@@ -43,8 +43,9 @@ class Needs(eqx.Module):
     host_synthesis: bool = eqx.field(static=True, default=False, kw_only=True)
     """Whether ``bind`` does work that cannot be traced, such as solving an LMI."""
     tool_map: bool = eqx.field(static=True, default=False, kw_only=True)
-    """Whether the law takes account of the machine's tool map. One that does not takes axis
-    positions for those of the tool, and is refused where they differ."""
+    """Whether the law takes account of the machine's tool map. One that looks at the contour and
+    does not takes axis positions for those of the tool, and is refused where they differ; one that
+    asks nothing of the contour follows its axes, whatever the tool makes of them."""
     axes_path: bool = eqx.field(static=True, default=False, kw_only=True)
     """Whether the law takes the path in the space of the axes. On a machine with a tool map the
     contour must then be one of ``contours.combined``, made with that map."""

@@ -124,6 +124,9 @@ class CrossCoupled(Controller):
     form
         ``"normal"``: integral and derivative ride along with the path; ``"vector"``: they stay with
         the coordinates.
+    engage_time
+        From when the coupling acts, >= 0 [s]: until then the axis law runs alone, and the integral
+        rests.
 
     Raises
     ------
@@ -140,6 +143,7 @@ class CrossCoupled(Controller):
         unit="Hz", above=0.0, finite=False, default=np.inf
     )
     form: str = static(allowed=("normal", "vector"), default="normal")
+    engage_time: Scalar = real(unit="s", minimum=0.0, ndim=0, default=0.0)
 
     def __check_init__(self) -> None:
         refuse_no_axis_law(self.axis)
@@ -218,6 +222,7 @@ class CrossCoupled(Controller):
             "sample_time": sample_time,
             "derivative": FilteredDerivative.from_cutoff(self.derivative_cutoff_hz, sample_time),
             "follows_path": self.form == "normal",
+            "engage_time": self.engage_time,
         }
 
 
@@ -232,6 +237,7 @@ class BoundCrossCoupled(BoundController):
     sample_time: Scalar = real(unit="s", above=0.0)
     derivative: FilteredDerivative = part()
     follows_path: bool = static(flag=True)
+    engage_time: Scalar = real(unit="s", minimum=0.0)
 
     statuses = ("normal", "saturated")
 
@@ -278,7 +284,10 @@ class BoundCrossCoupled(BoundController):
             integral = transport(integral, state.tangent, tangent)
             last = DerivativeState(*(transport(v, state.tangent, tangent) for v in last))
         derivative = self.derivative.step(last, error)
-        coupling = self.kp * error + self.ki * integral + self.kd * derivative.value
+        # half a sample early, so that the instant itself does not hang on rounding
+        engaged = sample.time > self.engage_time - 0.5 * self.sample_time
+        whole = self.kp * error + self.ki * integral + self.kd * derivative.value
+        coupling = jnp.where(engaged, whole, 0.0)
 
         by_axes, proposal = self.axis.propose(state.axis, sample)
         wanted = by_axes + coupling
@@ -288,7 +297,7 @@ class BoundCrossCoupled(BoundController):
             axis=self.axis.settle(proposal, wanted, command),
             estimator=estimator,
             estimate=estimate,
-            integral=integral + jnp.where(outwards, 0.0, error * self.sample_time),
+            integral=integral + jnp.where(outwards | ~engaged, 0.0, error * self.sample_time),
             derivative=derivative,
             tangent=tangent,
             saturated=jnp.any(wanted != command).astype(jnp.int32),

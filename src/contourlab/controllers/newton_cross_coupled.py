@@ -80,6 +80,8 @@ class NewtonCrossCoupled(CrossCoupled):
     form
         ``"vector"``: integral and derivative of each coordinate, as in the paper; ``"normal"``:
         across the path, riding along with it.
+    engage_time
+        From when the coupling acts, >= 0 [s].
 
     Raises
     ------

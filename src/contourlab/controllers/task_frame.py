@@ -99,7 +99,10 @@ class TaskFrameController(Controller):
         refuse_position_command(type(self).__name__, self.model)
         if n not in (2, 3):
             raise ConfigurationError(
-                f"{type(self).__name__} is for machines of 2 or 3 axes, the model has {n}"
+                f"{type(self).__name__} is for machines of 2 or 3 axes, the model has {n}: it "
+                "corrects along the tangent and the normals of the path, and does not say how axes "
+                "that share a coordinate would share a correction; laws in the position domain, "
+                "such as InternalModelContouring, give each axis a place of its own"
             )
         if np.shape(self.bandwidth_hz)[-1:] not in ((2,), (n,)):
             three = " or (tangential, normal, binormal)" if n == 3 else ""

@@ -11,6 +11,7 @@ import numpy as np
 
 from contourlab.configuration import replace
 from contourlab.contours.base import Contour
+from contourlab.contours.combined import CombinedAxes
 from contourlab.contours.part import Part, axis_columns
 from contourlab.controllers.base import Controller
 from contourlab.errors import choices
@@ -19,6 +20,7 @@ from contourlab.feedrate.program import part_warnings
 from contourlab.machines import Disturbance, Machine
 from contourlab.recordings.reference import Reference
 from contourlab.scenarios import registry
+from contourlab.scenarios.axes_path import reference_of_axes
 from contourlab.scenarios.locate import Key
 from contourlab.scenarios.part_files import file_kind, read_part_file
 from contourlab.scenarios.schema import FeedSection, PartSection
@@ -291,6 +293,12 @@ def build_references(
     KeyedError
         A machine without limits, or a feed that cannot be planned.
     """
+    if isinstance(contour, CombinedAxes) and feed.kind == "programmed":
+        raise KeyedError(
+            ("feed", "kind"),
+            "'programmed' is planned by limits of the tool's coordinates, and the path is given in "
+            "axes (part.space); give 'constant_rate' or 'constant_feed'",
+        )
     if feed.kind != "programmed":
         with at("feed"):
             return dict.fromkeys(machines, _constant(feed, contour, sample_time))
@@ -345,6 +353,8 @@ def _constant(feed: FeedSection, contour: Contour | Part, sample_time: float) ->
         reference = constant_feed(
             curve, feed=feed.feed, sample_time=sample_time, duration=feed.duration
         )
+    if isinstance(curve, CombinedAxes):
+        reference = reference_of_axes(curve, reference)
     if isinstance(contour, Part):
         unused = f"kind {feed.kind!r} does not use the program's feeds, rapids, dwells and stops"
         reference = replace(

@@ -12,6 +12,7 @@ from contourlab.controllers.base import Controller
 from contourlab.errors import ContourlabError, ScenarioError, TravelError, UnitError, choices
 from contourlab.machines import Machine
 from contourlab.recordings.reference import Reference
+from contourlab.scenarios.axes_path import in_axes
 from contourlab.scenarios.build import (
     build_contour,
     build_controllers,
@@ -178,6 +179,7 @@ def _build(
                 f"{', '.join(axes)}: the machines of a scenario need the same axes",
             )
     contour, part = build_contour(sections.part, axes, folder)
+    contour = in_axes(sections.part, contour, machines)
     controllers = build_controllers(sections.controller, machines)
     for k, label in enumerate(labels):
         if not any(label in own for own in controllers.values()):

@@ -39,6 +39,8 @@ class PartSection(BaseModel):
     lines: list[int] | None = None
     plane: Literal["XY", "ZX", "YZ"] | None = None
     skip_rapids: bool = False
+    space: Literal["tool", "axes"] = "tool"
+    """Whether a formula is the path of the tool, or of the axes of a machine with a tool map."""
 
     @model_validator(mode="after")
     def _one_of(self) -> PartSection:

@@ -67,12 +67,16 @@ def check_loop(machine: Machine, controller: Controller, reference: Reference) -
             f"the contour has {reference.contour.n_axes} coordinates, the tool has {coordinates}"
         )
     if not isinstance(machine.tool, IdentityTool):
-        if controller.needs.axes_path:
+        needs = controller.needs
+        of_contour = needs.contour or needs.derivatives >= 0 or needs.own_time
+        if needs.axes_path:
             _check_axes_path(law, machine, reference)
-        elif not controller.needs.tool_map:
+        elif of_contour and not needs.tool_map:
             redundant = (
                 f": {machine.n_axes} axes share {coordinates} coordinates, and a law that corrects "
-                "the tool point by axis directions does not say how they would share the correction"
+                "the tool point by axis directions does not say how they would share the "
+                "correction; laws in the position domain, such as InternalModelContouring, give "
+                "each axis a place of its own"
                 if machine.n_axes > coordinates
                 else ""
             )
