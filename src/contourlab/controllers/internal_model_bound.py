@@ -60,6 +60,8 @@ class BoundInternalModelContouring(BoundController):
     engage_time: Scalar = real(unit="s")
     master_asked: bool = static(flag=True)
     gain_given: bool = static(flag=True)
+    rejects: bool = static(flag=True)
+    """Whether what the observers find to disturb the axes is taken away."""
     remarks: tuple[str, ...] = static(default=())
 
     statuses = (
@@ -119,6 +121,9 @@ class BoundInternalModelContouring(BoundController):
 
         # the master, and where it will be
         by_axes, proposal = self.axis.propose(state.axis, self._compensated(sample))
+        if self.rejects:
+            push = self.master_observer.disturbance(state.master)
+            by_axes = jnp.asarray(by_axes).at[master].add(-push[0])
         first = clip(by_axes, limit)[master]
         predicted = self.master_observer.step(
             state.master, sample.position[master : master + 1], first[None]

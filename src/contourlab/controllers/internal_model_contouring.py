@@ -216,7 +216,7 @@ class InternalModelContouring(Controller):
             compensation=compensation,
             master_observer=AxisObserver.of_model(
                 whole.of_axes((master,)), np.full(1, self.master_observer_hz),
-                np.zeros(1), sample_time,
+                known if len(known) else np.zeros(1), sample_time,
             ),
             slave_observer=AxisObserver.of_model(
                 model, np.full(len(slaves), bandwidth), known, sample_time
@@ -226,6 +226,7 @@ class InternalModelContouring(Controller):
             observer_gain=self.observer_gain,
             engage_time=self.engage_time,
             master_asked=self.master is not None,
+            rejects=len(known) > 0,
             gain_given=self.stabiliser_gain is not None,
             remarks=(remark,) * bool(remark),
         )  # fmt: skip
