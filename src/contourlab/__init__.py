@@ -20,8 +20,8 @@ __version__ = "0.1.0"
 
 _PACKAGES = (
     "configuration", "contour_errors", "contours", "controllers", "errors", "feedrate",
-    "identification", "machines", "papers", "recordings", "reports", "scenarios", "simulation",
-    "testing", "typing", "units",
+    "identification", "logs", "machines", "papers", "recordings", "reports", "scenarios",
+    "simulation", "testing", "typing", "units",
 )  # fmt: skip
 _NAMES = {
     "Comparison": "contourlab.simulation",
@@ -66,6 +66,7 @@ if TYPE_CHECKING:
         errors,
         feedrate,
         identification,
+        logs,
         machines,
         papers,
         recordings,

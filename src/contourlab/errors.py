@@ -15,6 +15,7 @@ __all__ = [
     "FeedError",
     "GcodeError",
     "GeometryError",
+    "LogError",
     "OutputError",
     "PartError",
     "RecordingError",
@@ -82,6 +83,10 @@ class SimulationError(ContourlabError, ValueError):
 
 class RecordingError(ContourlabError):
     """A recording cannot be read, or lacks what is asked of it."""
+
+
+class LogError(ContourlabError):
+    """A measured log cannot be read or judged; says file, line or column, and what is allowed."""
 
 
 class ScenarioError(ContourlabError):
