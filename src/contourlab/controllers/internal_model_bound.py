@@ -61,7 +61,7 @@ class BoundInternalModelContouring(BoundController):
     master_asked: bool = static(flag=True)
     gain_given: bool = static(flag=True)
     rejects: bool = static(flag=True)
-    """Whether what the observers find to disturb the axes is taken away."""
+    """Whether what the master's observer finds to disturb it is taken away."""
     remarks: tuple[str, ...] = static(default=())
 
     statuses = (

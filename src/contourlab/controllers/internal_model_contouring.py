@@ -28,7 +28,9 @@ moved. One point of the reference is previewed, for the contour parameter expect
 slave's input: a constant, and sinusoids of ``disturbance_frequencies_hz``. Their internal model is
 a unit of its own beside that of the reference, an extended state observer
 (:mod:`~contourlab.controllers.augmentation`). With the constant alone it is what section 7
-announces.
+announces. The observer that predicts the master has the same dynamics, and what it finds is taken
+from the master's command: friction and a wrong gain otherwise keep a rotational master from the
+ends of its swing, and one of known frequency is predicted without error.
 
 **Order.** Nominal models are of second order; an identified pulse transfer function may be of any,
 see :mod:`~contourlab.controllers.immersion` for the filter that brings the exosystem to it.
@@ -110,10 +112,12 @@ class InternalModelContouring(Controller):
     observer_gain
         F of (36).
     disturbance_observer_hz
-        Bandwidth of the slaves' disturbance observers, > 0 [Hz]; none by default. It should be some
-        five times the highest of the frequencies below.
+        Bandwidth of the slaves' disturbance observers, > 0 [Hz]; none by default.
     disturbance_frequencies_hz
-        Frequencies of known disturbances, > 0 [Hz], beside the constant.
+        Frequencies of known disturbances of any axis, > 0 [Hz], beside the constant.
+    reject_on
+        Whose disturbances are taken away: ``"all"`` axes', of the master what its own observer
+        finds, or the ``"slaves"``', so that the master's is predicted only.
     engage_time
         From when the slaves follow the master [s]; until then the axis law runs them.
     numerator, denominator
@@ -144,6 +148,7 @@ class InternalModelContouring(Controller):
     observer_gain: Scalar = real(ndim=0, default=1e-4)
     disturbance_observer_hz: Scalar | None = real(unit="Hz", above=0.0, ndim=0, default=None)
     disturbance_frequencies_hz: Float[Array, " n"] | None = real(unit="Hz", above=0.0, default=None)
+    reject_on: str = static(allowed=("all", "slaves"), default="all")
     engage_time: Scalar = real(unit="s", minimum=0.0, ndim=0, default=0.0)
     numerator: Float[Array, "n_axes order"] | None = real(default=None)
     denominator: Float[Array, "n_axes order"] | None = real(default=None)
@@ -226,7 +231,7 @@ class InternalModelContouring(Controller):
             observer_gain=self.observer_gain,
             engage_time=self.engage_time,
             master_asked=self.master is not None,
-            rejects=len(known) > 0,
+            rejects=len(known) > 0 and self.reject_on == "all",
             gain_given=self.stabiliser_gain is not None,
             remarks=(remark,) * bool(remark),
         )  # fmt: skip

@@ -64,6 +64,10 @@ def check_fields(law: InternalModelContouring) -> None:
         raise ConfigurationError(
             "disturbance_frequencies_hz goes with disturbance_observer_hz, which is not given"
         )
+    if law.reject_on != "all" and law.disturbance_observer_hz is None:
+        raise ConfigurationError(
+            f"reject_on = {law.reject_on!r} goes with disturbance_observer_hz, which is not given"
+        )
     if law.disturbance_frequencies_hz is not None and np.ndim(law.disturbance_frequencies_hz) != 1:
         raise ConfigurationError(
             "disturbance_frequencies_hz must be a list, got shape "

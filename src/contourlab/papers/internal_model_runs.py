@@ -10,6 +10,7 @@ References
 from __future__ import annotations
 
 import functools
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,7 +29,7 @@ from contourlab.controllers import (
     PositionDomainPid,
 )
 from contourlab.feedrate import constant_rate
-from contourlab.machines import Machine
+from contourlab.machines import Machine, SineDisturbance
 from contourlab.machines.published import (
     cao_zhang_emulated_stage,
     cao_zhang_stage,
@@ -37,12 +38,16 @@ from contourlab.machines.published import (
 from contourlab.machines.published.cao_zhang import cao_zhang_pulse_model
 from contourlab.recordings import Recording
 from contourlab.recordings.reference import Reference
+from contourlab.reports.decimation import kept_rows
 from contourlab.simulation import simulate
 
 __all__ = [
+    "COUPLED",
     "LAWS",
     "PUBLISHED_GAIN",
     "SAMPLE_TIME",
+    "SHAKEN",
+    "Curves",
     "Figures",
     "axis_pid",
     "figures_of",
@@ -50,7 +55,8 @@ __all__ = [
     "hardware_reference",
     "law",
     "read",
-    "shaken_reference",
+    "shaking",
+    "shown",
     "simulated_reference",
 ]
 
@@ -65,9 +71,16 @@ PUBLISHED_GAIN = ((-1.50e3, -9.47e2), (-41.15, -26.41), (-41.15, -26.41))
 ERROR_DYNAMICS = (1e4, 1e2)
 """Of the task frame law: e'' = -1e4 e - 1e2 e', from A_Td."""
 SMOOTHING = 0.005
-"""δ of the simulated heart: assumed, as printed it has cusps."""
+"""δ of the simulated heart: as printed it has cusps. A fit after the fact: with twice the radius it
+is the value to a digit that brings PID's maximum to the printed one."""
 HARDWARE_SMOOTHING = 0.1
 """δ of the heart of the experiments, "smoothed to avoid input saturation": assumed."""
+COUPLED = 1.0
+"""When the cross-coupling is engaged in the experiments [s]: "not immediately", assumed."""
+SHAKEN = 5.0
+"""Frequency of the master's error in Figure 5 [rad/s]."""
+Curves = tuple[NDArray[Any], tuple[tuple[str, NDArray[Any]], ...]]
+"""Time [s], and curves by name."""
 LAWS = ("axis_pid", "cross_coupled", "first_order_task_frame", "internal_model_contouring")
 """PID, CCC, TCF and TV-IMCC of the tables."""
 
@@ -198,24 +211,26 @@ def simulated_reference(
     return constant_rate(curve, rate=1.0, duration=duration, sample_time=sample_time)
 
 
-def shaken_reference(duration: float = 20.0) -> Reference:
-    """Return the sinusoid of Figure 5, on which the master goes by t + 0.1 sin 5t.
+def shaking(amplitude: float = 1e-4, omega: float = SHAKEN) -> SineDisturbance:
+    """Return the disturbance that shakes the master by amplitude sin(omega t), its PID at work.
 
     Parameters
     ----------
-    duration
-        [s].
+    amplitude
+        Of the master's error, once its start has died away [m].
+    omega
+        Its frequency [rad/s].
     """
-    t = SAMPLE_TIME * np.arange(round(duration / SAMPLE_TIME) + 1)
-    contour = Sinusoid(
-        amplitude=np.asarray(1e-3), wavelength=np.asarray(2e-3 * np.pi), periods=np.asarray(5.0)
+    top, bottom = (rows[0] for rows in cao_zhang_pulse_model())
+    z = np.exp(1j * omega * SAMPLE_TIME)
+    axis = (top @ [z, 1.0]) / (z**2 + bottom @ [z, 1.0])
+    feedback = 1e3 * (
+        KP[0] + KI[0] * SAMPLE_TIME / (z - 1.0) + KD[0] * (1.0 - 1.0 / z) / SAMPLE_TIME
     )
-    return Reference.along(
-        contour, sample_time=SAMPLE_TIME,
-        parameter=1e-3 * (t + 0.1 * np.sin(5.0 * t)),
-        parameter_rate=1e-3 * (1.0 + 0.5 * np.cos(5.0 * t)),
-        parameter_acceleration=-2.5e-3 * np.sin(5.0 * t),
-        parameter_jerk=-12.5e-3 * np.cos(5.0 * t),
+    answer = axis / (1.0 + axis * feedback)  # of the position to a push at the input
+    return SineDisturbance(
+        axis=0, amplitude=amplitude / abs(answer), frequency_hz=omega / (2.0 * np.pi),
+        phase=-np.angle(answer),
     )  # fmt: skip
 
 
@@ -316,16 +331,20 @@ def run(
     )
 
 
-def thinned(recording: Recording, points: int = 4000) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return time [s] and contour error [um], thinned out for a figure.
+def shown(curves: Mapping[str, Recording], budget: int = 6000) -> Curves:
+    """Return time [s] and contour errors [um] for a figure, thinned out with their extremes kept.
 
     Parameters
     ----------
-    recording
-        Of a run.
-    points
-        About how many.
+    curves
+        Recordings by name, of one reference.
+    budget
+        How many instants may be kept.
     """
-    time = np.asarray(recording["time"])
-    kept = slice(None, None, max(1, len(time) // points))
-    return time[kept], 1e6 * np.abs(np.asarray(recording["contour_error"]))[kept]
+    errors = {
+        name: 1e6 * np.abs(np.asarray(recording["contour_error"]))
+        for name, recording in curves.items()
+    }
+    time = np.asarray(next(iter(curves.values()))["time"])
+    kept = kept_rows(len(time), budget, list(errors.values()))
+    return time[kept], tuple((name, error[kept]) for name, error in errors.items())

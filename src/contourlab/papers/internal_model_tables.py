@@ -12,12 +12,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contourlab.configuration import replace as changed
 from contourlab.machines.published import cao_zhang_stage, cao_zhang_stage_and_scanner
 from contourlab.papers.internal_model_runs import (
+    COUPLED,
     LAWS,
+    SHAKEN,
+    Curves,
     Figures,
     emulated,
     figures_of,
@@ -25,13 +27,13 @@ from contourlab.papers.internal_model_runs import (
     hardware_reference,
     law,
     run,
-    shaken_reference,
+    shaking,
+    shown,
     simulated_reference,
-    thinned,
 )
 from contourlab.recordings import Recording
 
-__all__ = ["CONTOURS", "NAMES", "WINDOW", "Curves", "Tables", "run_tables"]
+__all__ = ["CONTOURS", "NAMES", "OBSERVER_HZ", "WINDOW", "Tables", "run_tables"]
 
 CONTOURS = ("sinusoid", "circle", "heart")
 NAMES = dict(zip(LAWS, ("PID", "cross-coupled", "task frame", "internal model"), strict=True))
@@ -42,8 +44,8 @@ ENGAGED = 8.0
 later on."""
 HARDWARE_ENGAGED = 2.0
 """Likewise in the emulated experiment [s]: assumed."""
-Curves = tuple[NDArray[Any], tuple[tuple[str, NDArray[Any]], ...]]
-"""Time [s], and curves [um] by name."""
+OBSERVER_HZ = 40.0
+"""Bandwidth of the slaves' disturbance observers: ours."""
 
 
 @dataclass
@@ -60,8 +62,10 @@ class Tables:
     """PID on the sinusoid with a filtered derivative, from 0 s."""
     emulated: dict[tuple[str, str], Figures] = field(default_factory=dict)
     """Table 3."""
-    shaken: Figures = field(default_factory=lambda: Figures(np.nan, np.nan))
-    """Figure 5."""
+    shaken: dict[str, Figures] = field(default_factory=dict)
+    """Figure 5: the master's error with its frequency ``known``, and ``unknown``."""
+    shaken_master: float = np.nan
+    """The master's error there, as it was [m]."""
     four_axes: Figures = field(default_factory=lambda: Figures(np.nan, np.nan))
     """Figure 9."""
     four_axes_emulated: Figures = field(default_factory=lambda: Figures(np.nan, np.nan))
@@ -82,60 +86,69 @@ def run_tables(progress: Callable[[float], None], contours: tuple[str, ...] = CO
     """
     tables = Tables()
     stage = cao_zhang_stage()
-    total = len(contours) * (2 * len(LAWS) + 3) + 4
+    total = len(contours) * (2 * len(LAWS) + 3) + 5
     done = iter(range(1, total + 2))
 
-    def one(name: str, reference: Any, machine: Any = None, **changes: Any) -> Recording:
+    def one(
+        name: str, reference: Any, machine: Any = None, *, disturbances: Any = (), **changes: Any
+    ) -> Recording:
         chosen = stage if machine is None else machine
-        found = run(law(name, chosen, **changes), reference, chosen)
+        found = run(law(name, chosen, **changes), reference, chosen, disturbances=disturbances)
         progress(min(1.0, next(done) / total))
         return found
 
-    for number, contour in enumerate(contours):
-        shown, emulation = [], []
+    for contour in contours:
+        simulated, emulation = {}, {}
         for name in LAWS:
-            recording = one(name, simulated_reference(contour))
+            recording = simulated[NAMES[name]] = one(name, simulated_reference(contour))
             tables.simulated[contour, name] = figures_of(recording, *WINDOW)
-            time, error = thinned(recording)
-            shown.append((NAMES[name], error))
             if contour != "sinusoid" and name != LAWS[3]:
                 twice = one(name, simulated_reference(contour, 2.0))
                 tables.doubled[contour, name] = figures_of(twice, *WINDOW)
-            recording = one(name, hardware_reference(contour), emulated())
+            late = {"engage_time": COUPLED} if name == LAWS[1] else {}
+            recording = one(name, hardware_reference(contour), emulated(), **late)
+            emulation[NAMES[name]] = recording
             tables.emulated[contour, name] = figures_of(recording, *WINDOW)
-            emulation.append((NAMES[name], thinned(recording)[1]))
         index = CONTOURS.index(contour)
-        tables.curves[f"internal_model_figure_{6 + index}"] = (time, tuple(shown))
-        tables.curves[f"internal_model_figure_{10 + index}"] = (time, tuple(emulation))
+        tables.curves[f"internal_model_figure_{6 + index}"] = shown(simulated)
+        tables.curves[f"internal_model_figure_{10 + index}"] = shown(emulation)
         # the printed models hold at 1 ms: their continuous form for a faster loop
         continuous = changed(stage, dynamics=_continuous(stage))
         quick = simulated_reference(contour, 1.0, 20.0, 0.25e-3)
         tables.fast[contour] = figures_of(one(LAWS[2], quick, continuous), *WINDOW)
-        del number
     start = one(LAWS[0], simulated_reference("sinusoid"), derivative_cutoff_hz=50.0 / (2.0 * np.pi))
     tables.filtered = figures_of(start, 0.0, 20.0)
-    shaken = one(LAWS[3], shaken_reference())
-    tables.shaken = figures_of(shaken, *WINDOW)
-    time, error = thinned(shaken)
-    tables.curves["internal_model_figure_5"] = (time[time >= 1.0], (
-        ("internal model", error[time >= 1.0]),
-    ))  # fmt: skip
+    _figure_5(tables, one)
     four = one(LAWS[3], four_axes(), cao_zhang_stage_and_scanner(), engage_time=ENGAGED)
     tables.four_axes = figures_of(four, ENGAGED + 0.1, 20.0)
-    tables.curves["internal_model_figure_9"] = _of(four)
+    tables.curves["internal_model_figure_9"] = shown({NAMES[LAWS[3]]: four})
     four = one(
         LAWS[3], four_axes(0.03, 0.003, (0.2 * np.pi, 2.0 * np.pi)),
         emulated(resolution=(10e-9, 10e-9, 100e-9, 100e-9), n_axes=4),
         engage_time=HARDWARE_ENGAGED,
     )  # fmt: skip
     tables.four_axes_emulated = figures_of(four, HARDWARE_ENGAGED + 0.1, 20.0)
-    tables.curves["internal_model_figure_13"] = _of(four)
+    tables.curves["internal_model_figure_13"] = shown({NAMES[LAWS[3]]: four})
     return tables
 
 
-def _of(recording: Recording) -> Curves:
-    time, error = thinned(recording)
-    return time, (("internal model", error),)
+def _figure_5(tables: Tables, one: Callable[..., Recording]) -> None:
+    """Run the sinusoid with r1 = t and a master that a disturbance shakes by 0.1 sin 5t."""
+    push, reference = shaking(), simulated_reference("sinusoid")
+    known = one(
+        LAWS[3], reference, disturbances=push, disturbance_observer_hz=OBSERVER_HZ,
+        disturbance_frequencies_hz=np.array([SHAKEN / (2.0 * np.pi)]),
+        reject_on="slaves",
+    )  # fmt: skip
+    unknown = one(LAWS[3], reference, disturbances=push)
+    tables.shaken = {
+        "known": figures_of(known, *WINDOW), "unknown": figures_of(unknown, *WINDOW),
+    }  # fmt: skip
+    error = np.asarray(unknown["tracking_error"])[:, 0]
+    tables.shaken_master = float(np.ptp(error[np.asarray(unknown["time"]) >= WINDOW[0]])) / 2.0
+    tables.curves["internal_model_figure_5"] = shown({
+        "frequency of the master's error known": known, "unknown": unknown,
+    })  # fmt: skip
 
 
 def _continuous(stage: Any) -> Any:

@@ -66,6 +66,9 @@ class PaperFigure:
     """Name and values of each."""
     x_label: str = "time [s]"
     """What ``time`` really is, where it is something else."""
+    log_y: bool = False
+    """Whether sizes are drawn on a logarithmic scale, for curves that differ by powers of ten."""
+    log_x: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -202,6 +205,10 @@ def write_paper_figures(
             axes.plot(figure.time, values, color=style.light, ls=style.line_style, lw=1.2,
                       label=literal(name))  # fmt: skip
         axes.margins(x=0.0)
+        if figure.log_y:
+            axes.set_yscale("log")
+        if figure.log_x:
+            axes.set_xscale("log")
         axes.set_xlabel(literal(figure.x_label), color=MUTED)
         axes.set_ylabel(literal(figure.y_label), color=MUTED)
         axes.set_title(literal(figure.title), loc="left", fontsize=11, color=INK)
