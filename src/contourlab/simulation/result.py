@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import contourlab
 from contourlab.contours.foot_points import foot_point
-from contourlab.controllers.base import BoundController, Controller
+from contourlab.controllers.base import BoundController, Controller, Needs
 from contourlab.machines import Disturbance, Machine
 from contourlab.recordings.recording import Recording
 from contourlab.recordings.reference import Reference
@@ -90,7 +90,7 @@ def build_recording(
         else:
             inner = [last.get(s, f"{label}_{i}") for i, s in enumerate(rows.shape[1:])]
             data[label] = (("time", *inner), rows)
-    warnings = list(reference.warnings)
+    warnings = [*reference.warnings, *_cut_short(controller.needs, reference)]
     attributes: dict[str, Any] = {
         "contourlab": contourlab.__version__,
         "controller": name,
@@ -141,6 +141,18 @@ def build_recording(
         attrs=attributes,
     )
     return Recording(dataset)
+
+
+def _cut_short(needs: Needs, reference: Reference) -> list[str]:
+    """Say that a law which looks ahead sees a moving reference stop where its record ends."""
+    speed = float(np.linalg.norm(np.asarray(reference.velocity)[-1]))
+    if needs.preview < 2 or needs.own_time or speed == 0.0:
+        return []
+    ahead = min(needs.preview, reference.n_samples) * float(np.asarray(reference.sample_time))
+    return [
+        f"the reference ends at {speed:.4g} m/s: the law, which looks ahead, sees it stop there "
+        f"and slows down in the last {ahead:.4g} s"
+    ]
 
 
 def _beyond_travel(machine: Machine, actual: NDArray[Any], reference: Reference) -> list[str]:
