@@ -31,8 +31,8 @@ class Axis:
         """Return P y(k+1..k+last) and u*(k..k+n_commands-1) for given free commands."""
         past, u = self.commands, list(free)
         while len(u) < last:  # φ P u = 0
-            whole = np.append(past, u)
             tail = self.rule[1:]
+            whole = np.concatenate([np.zeros(len(tail)), past, u])  # at rest before
             u.append(-sum(c * whole[-1 - j] for j, c in enumerate(tail)) / self.rule[0])
         whole = np.append(past, u)
         noise = np.append(self.noise, np.zeros(last))  # what is to come is not known

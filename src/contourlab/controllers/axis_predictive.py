@@ -18,22 +18,28 @@ References
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Float
 
-from contourlab.configuration import part, real, static
+from contourlab.configuration import real
 from contourlab.contours.base import Contour
-from contourlab.controllers.axis_controller import AxisController, BoundAxisController, per_axis
+from contourlab.controllers.axis_controller import (
+    AxisController,
+    BoundAxisController,
+    clip,
+    per_axis,
+)
 from contourlab.controllers.positive_definite import solve_positive_definite
 from contourlab.controllers.prediction import History, Predictor
-from contourlab.controllers.predictive_controller import STATUSES, PredictiveController
-from contourlab.errors import ConfigurationError
+from contourlab.controllers.predictive_controller import (
+    BoundPredictiveController,
+    PredictiveController,
+)
 from contourlab.recordings.sample import Sample
-from contourlab.typing import Array, AxisVector, Count, Scalar
+from contourlab.typing import Array, AxisVector, Count, Flag, Scalar
 
 __all__ = ["AxisPredictive", "AxisPredictiveState", "BoundAxisPredictive"]
 
@@ -43,7 +49,7 @@ class AxisPredictiveState(NamedTuple):
 
     history: History
     saturated: Count
-    """1 if the last command was beyond a limit, int32."""
+    """Status of the last step, int32; 1 if the command was beyond a limit."""
 
 
 class AxisPredictive(PredictiveController, AxisController):
@@ -94,7 +100,7 @@ class AxisPredictive(PredictiveController, AxisController):
     def check(self) -> None:
         """Check the polynomials, and that without an input weight enough outputs count."""
         super().check()
-        refuse_no_weight(self, (self.input_weight,))
+        self.refuse_no_weight(self.input_weight)
 
     def bind(self, contour: Contour, sample_time: Scalar) -> BoundAxisPredictive:
         """Return the law for one sample time.
@@ -131,38 +137,25 @@ def _gains(predictor: Predictor, weight: Array) -> tuple[Array, Array]:
     return jax.vmap(one)(predictor.reach, predictor.effort, weight)
 
 
-def refuse_no_weight(law: PredictiveController, weights: tuple[Any, ...]) -> None:
-    """Raise ConfigurationError if fewer outputs count than commands are free, and none is weighted.
+class AxisPredictiveProposal(NamedTuple):
+    """What a step settles with."""
 
-    Parameters
-    ----------
-    law
-        With its horizons.
-    weights
-        Of the inputs.
-    """
-    counted = law.prediction_horizon - max(law.minimum_horizon, law.delay + 1) + 1
-    if law.control_horizon > counted and any(np.any(np.asarray(w) == 0.0) for w in weights):
-        raise ConfigurationError(
-            f"control_horizon must be <= {counted}, the number of outputs that count, where an "
-            f"input weight is 0, got {law.control_horizon}"
-        )
+    history: History
+    command: AxisVector
+    """Of this law alone, within the limit."""
+    against: AxisVector
+    """The part of it against friction."""
+    lost: Flag
+    """Whether a position was not finite."""
 
 
-class BoundAxisPredictive(BoundAxisController):
+class BoundAxisPredictive(BoundPredictiveController, BoundAxisController):
     """The law with its gains; made by :meth:`AxisPredictive.bind`."""
 
-    predictor: Predictor = part()
     gain: Float[Array, "..."] = real()
     """Command per residual output, shape (n_axes, n_outputs)."""
     effort_gain: Float[Array, "..."] = real()
     """Command per residual effort, shape (n_axes, n_commands)."""
-    friction: Float[Array, " ..."] = real(ndim=1)
-    """Command against Coulomb friction."""
-    friction_velocity: Float[Array, " ..."] = real(unit="m/s", ndim=1)
-    open_loop: bool = static(flag=True)
-
-    statuses = STATUSES
 
     def init(self, sample: Sample) -> AxisPredictiveState:
         """Return the state before the first step, of a machine that has been at rest.
@@ -172,11 +165,11 @@ class BoundAxisPredictive(BoundAxisController):
         sample
             The first sample.
         """
-        return AxisPredictiveState(self.predictor.start(sample.position), jnp.zeros((), jnp.int32))
+        return AxisPredictiveState(self.start(sample), jnp.zeros((), jnp.int32))
 
     def propose(
         self, state: AxisPredictiveState, sample: Sample
-    ) -> tuple[AxisVector, tuple[AxisVector, History]]:
+    ) -> tuple[AxisVector, AxisPredictiveProposal]:
         """Return the command before the limit, and what to settle with.
 
         Parameters
@@ -187,18 +180,20 @@ class BoundAxisPredictive(BoundAxisController):
             This instant.
         """
         predictor = self.predictor
-        history = predictor.measured(state.history, sample.position)
+        history, _ = predictor.measured(state.history, sample.position)
         skipped = int(sample.preview.position.shape[0]) - int(self.gain.shape[1])
         error = predictor.residual(history, sample.preview.position[skipped:])
         effort = predictor.residual_effort(history)
         command = jnp.sum(self.gain * error, -1) + jnp.sum(self.effort_gain * effort, -1)
-        against = self.friction * jnp.tanh(sample.reference.velocity / self.friction_velocity)
-        holding = predictor.at_rest * history.origin
-        return command + holding + against, (against, history)
+        against = self.against_friction(sample)
+        command = command + predictor.at_rest * history.origin + against
+        return command, AxisPredictiveProposal(
+            history, clip(command, self.command_limit), against, self.lost(sample)
+        )
 
     def settle(
         self,
-        proposal: tuple[AxisVector, History],
+        proposal: AxisPredictiveProposal,
         wanted: AxisVector,
         applied: AxisVector,
     ) -> AxisPredictiveState:
@@ -211,7 +206,7 @@ class BoundAxisPredictive(BoundAxisController):
         wanted, applied
             The whole command before and after the limit.
         """
-        against, history = proposal
+        given = jnp.where(jnp.isfinite(applied), applied, proposal.command)
+        history = self.predictor.applied(proposal.history, given - proposal.against)
         saturated = jnp.any(wanted != applied)
-        status = jnp.where(saturated, 1, 2 * self.open_loop).astype(jnp.int32)
-        return AxisPredictiveState(self.predictor.applied(history, applied - against), status)
+        return AxisPredictiveState(history, self.status_of(proposal.lost, saturated))

@@ -28,6 +28,10 @@ the division leaving no remainder. Nothing grows. With C = 1 this is generalised
 
 Positions count from the start of the run and commands from the one that holds the machine there.
 
+A position that is not finite is replaced by the one that (6) expects of what came before, with
+e(k) = 0: the model goes on by itself, and whatever D lists goes on with it. The next position that
+is measured counts as always.
+
 References
 ----------
 .. [ElKhalickUchiyama] equations (6) to (9) and (14) to (20).
@@ -133,6 +137,10 @@ class Predictor(eqx.Module):
     """Q_d."""
     own_output: Float[Array, "n_axes n_inputs"] | None
     """B of the model that runs beside; None in the realigned form."""
+    expected_by_inputs: Float[Array, "n_axes n_inputs"]
+    """What the past makes of the next filtered output if e = 0, by past inputs."""
+    expected_by_outputs: Float[Array, "n_axes n_past_outputs"]
+    """And by past outputs."""
 
     def start(self, position: AxisVector) -> History:
         """Return the history of a machine that has been at rest.
@@ -151,20 +159,28 @@ class Predictor(eqx.Module):
             jnp.zeros((n, n_weighted)), jnp.zeros((n, n_commands)),
         )  # fmt: skip
 
-    def measured(self, history: History, position: AxisVector) -> History:
-        """Return the history with what has been measured now.
+    def measured(self, history: History, position: AxisVector) -> tuple[History, AxisVector]:
+        """Return the history with what has been measured now, and the position it goes by.
 
         Parameters
         ----------
         history
             As ``start`` or ``applied`` returned it.
         position
-            Measured, shape (n_axes,) [m].
+            Measured, shape (n_axes,) [m]; where it is not finite, the expected one is taken.
         """
-        y = position - history.origin
+        known = jnp.isfinite(position)
+        y = jnp.where(known, position, history.origin) - history.origin
+        before = jnp.sum(self.output_filter * history.outputs, -1)
+        beside = jnp.zeros_like(y)
         if self.own_output is not None:
-            y = y - jnp.sum(self.own_output * history.inputs, -1)
-        return history._replace(outputs=_filtered(self.output_filter, history.outputs, y))
+            beside = jnp.sum(self.own_output * history.inputs, -1)
+        expected = jnp.sum(self.expected_by_inputs * history.inputs, -1)
+        expected = expected + jnp.sum(self.expected_by_outputs * history.outputs, -1)
+        new = jnp.where(known, y - beside - before, expected)
+        outputs = jnp.concatenate([new[:, None], history.outputs[:, :-1]], 1)
+        taken = jnp.where(known, position, history.origin + beside + before + expected)
+        return history._replace(outputs=outputs), taken
 
     def applied(self, history: History, command: AxisVector) -> History:
         """Return the history with what the drives were given, after every limit.
@@ -245,13 +261,17 @@ def make_predictor(
     n_inputs = max(b.shape[1], a.shape[1] - 1, 1)
     own_output: Array | None = b
     input_filter = a[:, 1:]
+    # (D/C) (y - y_m) = e by past values, e = 0
+    by_inputs: Array = jnp.zeros_like(b)
+    by_outputs: Array = -d[:, 1:]
     if realigned:
+        by_inputs, by_outputs = multiply(b, d), -multiply(a, d)[:, 1:]
         n_inputs = max(b.shape[1] + d.shape[1] - 2, c.shape[1] - 1, 1)
         above, below = multiply(c[:, None], h), multiply(f, b[:, None])
         length = max(above.shape[2], below.shape[2])
         h, _ = divide(padded(above, length) - padded(below, length), a[:, None], n_inputs)
         own_output, input_filter = None, c[:, 1:]
-    n_inputs = max(n_inputs, h.shape[2])
+    n_inputs = max(n_inputs, h.shape[2], by_inputs.shape[1])
     n_outputs = max(f.shape[2], c.shape[1] - 1, 1)
     effects, omega = divide(q_n, q_d, horizons.commands)  # (18)
     n_weighted = int(omega.shape[2])
@@ -273,6 +293,8 @@ def make_predictor(
         output_filter=padded(c[:, 1:], n_outputs),
         weight_filter=padded(q_d[:, 1:], n_weighted),
         own_output=None if own_output is None else padded(own_output, n_inputs),
+        expected_by_inputs=padded(by_inputs, n_inputs),
+        expected_by_outputs=padded(by_outputs, n_outputs),
     )
 
 

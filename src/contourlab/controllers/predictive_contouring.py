@@ -39,7 +39,8 @@ The second Π_yy of (12) is Π_xy, with G_xᵀ G_y; (13) lacks transposes of G, 
 commands; the left side of (11) is the whole horizon. The sums over commands run over
 j = 1..H_p - d, and over filtered commands, where (10) prints H_m..H_p and u. With Q = 1 - q⁻¹ what
 is weighted in a direction is the change of the commands of the axes, turned, not the change of the
-turned command.
+turned command. ζ of (13), which the paper does not explain, is left out: (6) calls so the
+disturbance, whose future F c predicts already.
 """
 
 from __future__ import annotations
@@ -50,14 +51,15 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Float
 
-from contourlab.configuration import part, real, static
+from contourlab.configuration import real, static
 from contourlab.contours.base import Contour, unit
 from contourlab.controllers.axis_controller import clip
-from contourlab.controllers.axis_predictive import refuse_no_weight
-from contourlab.controllers.base import BoundController
 from contourlab.controllers.positive_definite import solve_positive_definite
 from contourlab.controllers.prediction import History, Predictor
-from contourlab.controllers.predictive_controller import STATUSES, PredictiveController
+from contourlab.controllers.predictive_controller import (
+    BoundPredictiveController,
+    PredictiveController,
+)
 from contourlab.errors import RefusedError
 from contourlab.recordings.sample import Sample
 from contourlab.typing import Array, AxisVector, Count, Scalar
@@ -133,7 +135,7 @@ class PredictiveContouring(PredictiveController):
     def check(self) -> None:
         """Check the polynomials, and that without an input weight enough outputs count."""
         super().check()
-        refuse_no_weight(self, (self.normal_input_weight, self.tangential_input_weight))
+        self.refuse_no_weight(self.normal_input_weight, self.tangential_input_weight)
 
     def bind(self, contour: Contour, sample_time: Scalar) -> BoundPredictiveContouring:
         """Return the law for one contour and sample time.
@@ -184,25 +186,17 @@ def _block_diagonal(blocks: Array) -> Array:
     return whole.reshape(n * size, n * size)
 
 
-class BoundPredictiveContouring(BoundController):
+class BoundPredictiveContouring(BoundPredictiveController):
     """The law with its matrices; made by :meth:`PredictiveContouring.bind`."""
 
-    command_limit: Float[Array, " ..."] = real(above=0.0, finite=False)
-    predictor: Predictor = part()
     error_weights: Float[Array, " 2"] = real()
     """ρ_cn, ρ_ct."""
     effort_weights: Float[Array, " 2"] = real()
     """ρ_n, ρ_t."""
     still: Float[Array, "n n"] = real()
     """What of Π does not turn with the path."""
-    friction: Float[Array, " ..."] = real(ndim=1)
-    """Command against Coulomb friction."""
-    friction_velocity: Float[Array, " ..."] = real(unit="m/s", ndim=1)
     first: int = static(minimum=1)
     per_step: bool = static(flag=True)
-    open_loop: bool = static(flag=True)
-
-    statuses = STATUSES
 
     def init(self, sample: Sample) -> PredictiveContouringState:
         """Return the state before the first step, of a machine that has been at rest.
@@ -214,7 +208,7 @@ class BoundPredictiveContouring(BoundController):
         """
         zero = jnp.zeros_like(sample.position)
         return PredictiveContouringState(
-            self.predictor.start(sample.position), zero, zero[0], jnp.zeros((), jnp.int32)
+            self.start(sample), zero, zero[0], jnp.zeros((), jnp.int32)
         )
 
     def step(
@@ -230,7 +224,7 @@ class BoundPredictiveContouring(BoundController):
             This instant.
         """
         predictor = self.predictor
-        history = predictor.measured(state.history, sample.position)
+        history, position = predictor.measured(state.history, sample.position)
         velocity = jnp.concatenate([sample.reference.velocity[None], sample.preview.velocity])
         if not self.per_step:
             velocity = jnp.broadcast_to(velocity[0], velocity.shape)
@@ -241,17 +235,16 @@ class BoundPredictiveContouring(BoundController):
             tangent[:, self.first :],
             tangent[:, : predictor.effort.shape[1]],
         )
-        against = self.friction * jnp.tanh(sample.reference.velocity / self.friction_velocity)
+        against = self.against_friction(sample)
         wanted = free[:, 0] + predictor.at_rest * history.origin + against
         command = clip(wanted, self.command_limit)
-        error = sample.reference.position - sample.position
+        error = sample.reference.position - position
         along = tangent[:, 0] @ error
-        saturated = jnp.any(wanted != command)
         return command, PredictiveContouringState(
             predictor.applied(history, command - against),
             error - along * tangent[:, 0],
             along,
-            jnp.where(saturated, 1, 2 * self.open_loop).astype(jnp.int32),
+            self.status_of(self.lost(sample), jnp.any(wanted != command)),
         )
 
     def _minimiser(self, f: Array, h: Array, ahead: Array, now: Array) -> Array:
@@ -261,7 +254,8 @@ class BoundPredictiveContouring(BoundController):
         """
         reach, effort = self.predictor.reach, self.predictor.effort
         n, n_free = int(reach.shape[0]), int(reach.shape[2])
-        (cn, ct), (rn, rt) = self.error_weights, self.effort_weights
+        cn, ct = self.error_weights[0], self.error_weights[1]
+        rn, rt = self.effort_weights[0], self.effort_weights[1]
         # G M and Φ M turned into the tangent: rows (axis, free command), columns samples
         z = jnp.swapaxes(reach * ahead[:, :, None], 1, 2).reshape(n * n_free, -1)
         y = jnp.swapaxes(effort * now[:, :, None], 1, 2).reshape(n * n_free, -1)
@@ -282,7 +276,7 @@ class BoundPredictiveContouring(BoundController):
         return {"contour_error_estimate": state.estimate, "lag_error": jnp.asarray(state.lag)}
 
     def status(self, state: PredictiveContouringState) -> Count:
-        """Return 1 if an axis was at its limit, 2 in open loop, else 0.
+        """Return the status of the last step, an index into ``statuses``.
 
         Parameters
         ----------

@@ -26,6 +26,11 @@ The reference is known ``prediction_horizon`` samples ahead; past its end it res
 point. Coulomb friction of the model, which is no part of the prediction, is compensated along the
 reference velocity beside it. ``delay`` is that of the drive, in whole samples, 0 if a command acts
 in the sample in which it is given.
+
+A position that is not finite is replaced by the one that the model and D expect, axis by axis, for
+as long as that lasts; the status says so, and nothing of it stays in what the law remembers. Before
+the first position the machine counts as on the reference. A command that another law has made not
+finite is remembered as the one that this law gave.
 """
 
 from __future__ import annotations
@@ -38,18 +43,22 @@ from jaxtyping import Float
 
 from contourlab.configuration import is_concrete, part, real, static
 from contourlab.controllers.axis_controller import per_axis, refuse_no_model
-from contourlab.controllers.base import Controller, Needs
+from contourlab.controllers.base import BoundController, Controller, Needs
 from contourlab.controllers.held_model import held_polynomials
 from contourlab.controllers.polynomials import check_roots, multiply
-from contourlab.controllers.prediction import Horizons, Polynomials, Predictor, make_predictor
+from contourlab.controllers.prediction import (
+    History,
+    Horizons,
+    Polynomials,
+    Predictor,
+    make_predictor,
+)
 from contourlab.errors import ConfigurationError, RefusedError
 from contourlab.machines.base import NominalModel
-from contourlab.typing import Array, Scalar
+from contourlab.recordings.sample import Sample
+from contourlab.typing import Array, AxisVector, Count, Flag, Scalar
 
-__all__ = ["STATUSES", "PredictiveController"]
-
-STATUSES = ("normal", "saturated", "open loop: a constant disturbance model uses no measurement")
-"""Of both predictive laws."""
+__all__ = ["BoundPredictiveController", "PredictiveController"]
 
 Coefficients = Float[Array, "..."]
 
@@ -238,6 +247,24 @@ class PredictiveController(Controller):
             "open_loop": self.open_loop,
         }
 
+    def refuse_no_weight(self, *weights: Any) -> None:
+        """Raise ConfigurationError if more commands are free than outputs count, unweighted.
+
+        Parameters
+        ----------
+        *weights
+            Of the inputs.
+        """
+        late = self.delay
+        if self.plant_numerator is not None:  # zeros in front are a delay too
+            late += int(np.max(np.argmax(np.asarray(self.plant_numerator) != 0.0, -1)))
+        counted = self.prediction_horizon - max(self.minimum_horizon, late + 1) + 1
+        if self.control_horizon > counted and any(np.any(np.asarray(w) == 0.0) for w in weights):
+            raise ConfigurationError(
+                f"control_horizon must be <= {counted}, the number of outputs that count, where an "
+                f"input weight is 0, got {self.control_horizon}"
+            )
+
     def _rows(self, name: str) -> Array:
         """Return a polynomial with one row per axis."""
         value, n = jnp.asarray(getattr(self, name)), self.n_axes
@@ -247,3 +274,63 @@ class PredictiveController(Controller):
                 f"got shape {value.shape}"
             )
         return jnp.broadcast_to(value, (n, value.shape[-1]))
+
+
+class BoundPredictiveController(BoundController):
+    """What predictive laws are when they are bound: a predictor, limits and friction."""
+
+    command_limit: Float[Array, " ..."] = real(above=0.0, finite=False)
+    predictor: Predictor = part()
+    friction: Float[Array, " ..."] = real(ndim=1)
+    """Command against Coulomb friction."""
+    friction_velocity: Float[Array, " ..."] = real(unit="m/s", ndim=1)
+    open_loop: bool = static(flag=True)
+
+    statuses: ClassVar[tuple[str, ...]] = (
+        "normal", "saturated", "open loop: a constant disturbance model uses no measurement",
+        "a measurement was lost: the model's in its place",
+    )  # fmt: skip
+
+    def start(self, sample: Sample) -> History:
+        """Return the history of a machine that has been at rest where it is measured.
+
+        Parameters
+        ----------
+        sample
+            The first sample.
+        """
+        known = jnp.isfinite(sample.position)
+        return self.predictor.start(jnp.where(known, sample.position, sample.reference.position))
+
+    def against_friction(self, sample: Sample) -> AxisVector:
+        """Return the command against Coulomb friction along the reference velocity.
+
+        Parameters
+        ----------
+        sample
+            This instant.
+        """
+        return self.friction * jnp.tanh(sample.reference.velocity / self.friction_velocity)
+
+    def lost(self, sample: Sample) -> Flag:
+        """Return whether a measured position is not finite.
+
+        Parameters
+        ----------
+        sample
+            This instant.
+        """
+        return jnp.any(~jnp.isfinite(sample.position))
+
+    def status_of(self, lost: Flag, saturated: Flag) -> Count:
+        """Return the status of a step, an index into ``statuses``.
+
+        Parameters
+        ----------
+        lost
+            Whether a measured position was not finite.
+        saturated
+            Whether an axis was at its limit.
+        """
+        fine = jnp.where(saturated, 1, 2 * self.open_loop)
+        return jnp.where(lost, 3, fine).astype(jnp.int32)
