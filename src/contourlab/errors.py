@@ -12,6 +12,7 @@ from collections.abc import Iterable
 __all__ = [
     "ConfigurationError",
     "ContourlabError",
+    "ExportError",
     "FeedError",
     "GcodeError",
     "GeometryError",
@@ -104,6 +105,10 @@ class ScenarioError(ContourlabError):
         self.message, self.file, self.line, self.key = message, file, line, key
         place = ":".join(str(part) for part in (file, line) if part)
         super().__init__(": ".join(part for part in (place, key, message) if part))
+
+
+class ExportError(ContourlabError):
+    """A law cannot be exported; names the operation and the line of the law that uses it."""
 
 
 class OutputError(ContourlabError):

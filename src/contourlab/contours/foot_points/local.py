@@ -224,20 +224,23 @@ def walk(cells: Cells, q: Array, begun: Start) -> Foot:
         What :func:`start` returned.
     """
 
-    def onward(state: tuple[Foot, Walker, Walker]) -> tuple[Foot, Walker, Walker]:
-        foot, walker, other = state
+    def onward(state: tuple[Foot, Walker, Walker, Array]) -> tuple[Foot, Walker, Walker, Array]:
+        foot, walker, other, count = state
         foot, walker = step(cells, q, begun.centre, begun.reach, foot, walker)
         ended = walker.left <= 0
         first, second = (
             jax.tree.map(lambda a, b: jnp.where(ended, a, b), *pair)
             for pair in ((other, walker), (walker, other))
         )
-        return foot, first, second
+        return foot, first, second, count + 1
 
-    foot, _, _ = jax.lax.while_loop(
-        lambda state: (state[1].left > 0) | (state[2].left > 0),
+    # each pass takes one of what is left to either walker, or turns to the other: the count says
+    # to compilers that ask for a bound what is so in any case
+    most = 2 * (jnp.asarray(cells.total(), jnp.int32) + 3)
+    foot, *_ = jax.lax.while_loop(
+        lambda state: ((state[1].left > 0) | (state[2].left > 0)) & (state[3] < most),
         onward,
-        (begun.foot, begun.ahead, begun.behind),
+        (begun.foot, begun.ahead, begun.behind, jnp.zeros((), jnp.int32)),
     )
     return foot
 

@@ -20,6 +20,9 @@ __all__ = ["Curve", "along"]
 
 INTERVALS = 2048
 """Intervals of one stretch, at most: beyond that they are taken as they are."""
+DOUBLINGS = 1100
+"""Looks after that, at most: each takes twice the width of the one before, and no width above zero
+needs more doublings to become the whole. The loop says so, for compilers that ask for a bound."""
 NEWTON_STEPS = 16
 """Steps of Newton's method in an interval, at most; from a certain start 7 are enough."""
 ROUGH = 2.0**-9
@@ -136,8 +139,12 @@ def along(
         zero, zero + 1.0, begin + zero, zero + jnp.inf, zero != zero, jnp.zeros((), jnp.int32)
     )  # fmt: skip
     _, _, at, best, over, _ = jax.lax.while_loop(
-        lambda state: wanted & (begin != end) & (state[0] < 1.0) & ~state[4], body, first
-    )
+        lambda state: (
+            wanted & (begin != end) & (state[0] < 1.0) & ~state[4]
+            & (state[5] < INTERVALS + DOUBLINGS)
+        ),
+        body, first,
+    )  # fmt: skip
     return at, best, over
 
 
