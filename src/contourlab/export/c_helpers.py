@@ -58,6 +58,25 @@ def helper_text(name: str, what: str, dtype: Any, real: str, precision: Precisio
             "{\n    return i < 0 ? 0 : i > top ? top : (int32_t)i;\n}\n"
         )
     kind = c_type(dtype, real)
+    if what in ("lt_to", "le_to"):
+        # -0 comes before 0, NaN after everything
+        equal = (
+            "a == 0 && signbit(a) && !signbit(b)"
+            if what == "lt_to"
+            else "a != 0 || signbit(a) || !signbit(b)"
+        )
+        nan = "a == a" if what == "lt_to" else "true"
+        return (
+            f"static inline bool {name}({kind} a, {kind} b)\n{{\n"
+            f"    if (b != b) return {nan};\n"
+            f"    return a < b || (a == b && ({equal}));\n}}\n"
+        )
+    if what.startswith("bits_"):
+        target = what.removeprefix("bits_")
+        return (
+            f"static inline {target} {name}({kind} a)\n{{\n"
+            f"    {target} b;\n    memcpy(&b, &a, sizeof b);\n    return b;\n}}\n"
+        )
     if what.startswith("to_"):
         return _conversion(name, what, kind)
     body = _real_body(what) if is_real(dtype) else _whole_body(what, np.dtype(dtype), kind)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
+from collections.abc import Iterable
 from typing import Any
 
 from contourlab.export.expressions import Expression, Index
@@ -79,16 +80,18 @@ def _bodies(statement: Any) -> list[Block]:
     return list(statement.blocks) if isinstance(statement, Branch) else []
 
 
-def drop_unused(block: Block) -> None:
+def drop_unused(block: Block, results: Iterable[str] = ()) -> None:
     """Leave out every statement that does not matter for what the caller gets.
 
     Parameters
     ----------
     block
         Of a function; changed in place.
+    results
+        Arrays that belong to the caller.
     """
     makers: dict[str, list[tuple[Any, tuple[str, ...]]]] = {}
-    wanted: list[str] = []
+    wanted: list[str] = list(results)
 
     def visit(block: Block, control: tuple[str, ...]) -> None:
         stops = [n for s in block.statements if isinstance(s, Break) for n in _reads(s)]

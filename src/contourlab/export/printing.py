@@ -240,11 +240,25 @@ class Printer:
             return f"{name}({self.text(arg)})", 16
         return f"({c_type(e.dtype, self.real)}){self.text(arg, 14)}", 14
 
+    def _bits(self, e: Expression) -> tuple[str, int]:
+        arg = e.args[0]
+        if self.precision.single and np.dtype(np.float64) in (e.dtype, arg.dtype):
+            raise ExportError("bits of float64 have no meaning in single precision")
+        target = c_type(e.dtype, self.real)
+        name = f"{self.prefix}_bits_{suffix_of(arg.dtype)}_to_{suffix_of(e.dtype)}"
+        self.helpers[name] = (f"bits_{target}", np.dtype(arg.dtype))
+        return f"{name}({self.text(arg)})", 16
+
     def _helped(self, e: Expression) -> tuple[str, int]:
         what, kind = e.op, e.dtype
         if what == "clamp_index":
             self.helpers[f"{self.prefix}_clamp_index"] = ("clamp_index", np.dtype(np.int32))
             return f"{self.prefix}_clamp_index({self.text(e.args[0])}, {self.text(e.args[1])})", 16
+        if what in ("lt_to", "le_to"):
+            name = self.helper(what, e.args[0].dtype)
+            return f"{name}({', '.join(self.text(arg) for arg in e.args)})", 16
+        if what == "bits":
+            return self._bits(e)
         if kind.kind in "iu" and what in ("and", "or", "xor", "not"):
             if what == "not":
                 return f"({c_type(kind, self.real)})~{self.text(e.args[0], 14)}", 14

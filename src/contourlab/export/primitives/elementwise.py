@@ -84,6 +84,22 @@ def _select(b: Builder, dtype: Any, params: Any, args: list[Expression]) -> Expr
     return found
 
 
+def _total_order(op: str) -> Element:
+    """Comparison in which every number has a place: -0 below 0, NaN above all."""
+
+    def element(b: Builder, dtype: Any, params: Any, args: list[Expression]) -> Expression:
+        del b, params
+        real = np.dtype(args[0].dtype).kind == "f"
+        return operation(f"{op}_to" if real else op, dtype, *args)
+
+    return element
+
+
+def _bits(b: Builder, dtype: Any, params: Any, args: list[Expression]) -> Expression:
+    del b, params
+    return operation("bits", dtype, args[0])
+
+
 def _convert(b: Builder, dtype: Any, params: Any, args: list[Expression]) -> Expression:
     del b, params
     if dtype == np.bool_ and args[0].dtype != np.bool_:
@@ -107,6 +123,9 @@ ELEMENTWISE: dict[str, Element] = {
     "shift_left": _plain("shift_left"),
     "shift_right_logical": _plain("shift_right_logical"),
     "shift_right_arithmetic": _plain("shift_right_arithmetic"),
+    "lt_to": _total_order("lt"),
+    "le_to": _total_order("le"),
+    "bitcast_convert_type": _bits,
     "integer_pow": _integer_pow,
     "square": _square,
     "rsqrt": _rsqrt,
