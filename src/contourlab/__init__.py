@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _PACKAGES = (
-    "configuration", "contour_errors", "contours", "controllers", "errors", "feedrate",
+    "configuration", "contour_errors", "contours", "controllers", "errors", "export", "feedrate",
     "identification", "logs", "machines", "papers", "recordings", "reports", "scenarios",
     "simulation", "testing", "typing", "units",
 )  # fmt: skip
@@ -64,6 +64,7 @@ if TYPE_CHECKING:
         contours,
         controllers,
         errors,
+        export,
         feedrate,
         identification,
         logs,

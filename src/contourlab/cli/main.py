@@ -302,6 +302,59 @@ def reproduce(
         typer.echo(f"figure: {file}")
 
 
+@app.command()
+def export(
+    scenario: ScenarioFile,
+    output: Annotated[
+        Path, typer.Option(help="Folder or file to write, as the target has it.")
+    ],
+    controller: Annotated[
+        str | None,
+        typer.Option(help="Which controller, if there are several.", show_default=False),
+    ] = None,
+    machine: Annotated[
+        str | None,
+        typer.Option(help="On which machine, if there are several.", show_default=False),
+    ] = None,
+    target: Annotated[str, typer.Option(help="c: C99 with golden data and a Makefile.")] = "c",
+    precision: Annotated[str, typer.Option(help="Of reals: double or single.")] = "double",
+    prefix: Annotated[
+        str | None,
+        typer.Option(help="Of every name in C; from the controller's name.", show_default=False),
+    ] = None,
+    steps: Annotated[
+        int, typer.Option(min=1, help="Of the loop that are kept as golden data, at most.")
+    ] = 2000,
+    as_json: AsJson = False,
+    force: Force = False,
+) -> None:
+    """Write a controller of a scenario for real time, and compare it with what was simulated."""
+    from contourlab.export import export as write
+    from contourlab.export.c_target import parity_json
+    from contourlab.scenarios import read_scenario
+
+    _prepare()
+    result = write(
+        read_scenario(scenario), controller=controller, machine=machine, output=output,
+        target=target, precision=precision, prefix=prefix, force=force, steps=steps,
+    )  # fmt: skip
+    if as_json:
+        parity = None if result.parity is None else parity_json(result.parity)
+        _print_json({
+            "schema": "contourlab.export/1", "target": result.target, "output": str(result.output),
+            "files": list(result.files), "parity": parity, "warnings": list(result.warnings),
+        })  # fmt: skip
+        return
+    for name in result.files:
+        typer.echo(f"written: {result.output / name if result.output.is_dir() else name}")
+    if result.parity is not None:
+        typer.echo(
+            f"{result.parity.steps} steps replayed: {result.parity.relative:.3g} of the peak command "
+            f"at the most (bound {result.parity.bound.relative:.3g})"
+        )
+    _say(result.warnings)
+
+
 def _prepare() -> None:
     """Let JAX keep what it compiled in the user's cache folder, between runs."""
     import jax

@@ -20,7 +20,7 @@ from contourlab.export.operations import count_operations
 from contourlab.export.optimise import drop_unused, join_single_uses
 from contourlab.export.primitives.emission import run
 from contourlab.export.printing import Printer
-from contourlab.export.scalar_types import Precision, literal
+from contourlab.export.scalar_types import Precision, is_real, literal
 from contourlab.export.statements import Assign, Block, Builder, Copy, Set, Table
 from contourlab.export.tracing import Leaf, TracedLaw, trace_law
 from contourlab.export.values import SMALL, Known, Value, atoms, stored
@@ -54,6 +54,8 @@ class GeneratedC:
         What each status number means.
     law
         Name of the law's class.
+    iterates
+        Whether a step iterates on real numbers until something has converged.
     """
 
     prefix: str
@@ -69,6 +71,7 @@ class GeneratedC:
     defaults: Mapping[str, Any]
     statuses: tuple[str, ...]
     law: str
+    iterates: bool = False
 
 
 def check_prefix(prefix: str) -> str:
@@ -149,8 +152,20 @@ def generate(
         header=_header(printer, name, float(sample_time), fields),
         source=_source(printer, name, tables, texts, fields, defaults),
         operations=count_operations(step), defaults=defaults, statuses=tuple(law.statuses),
-        law=name, **fields,
+        law=name, iterates=_iterates(traced.step), **fields,
     )  # fmt: skip
+
+
+def _iterates(program: Program) -> bool:
+    for equation in program.equations:
+        inner = [one for one in equation.params.values() if isinstance(one, Program)]
+        for several in equation.params.values():
+            if isinstance(several, tuple):
+                inner += [one for one in several if isinstance(one, Program)]
+        reals = any(is_real(one.dtype) for one in equation.outputs)
+        if (equation.primitive == "while" and reals) or any(map(_iterates, inner)):
+            return True
+    return False
 
 
 def _live(traced: TracedLaw, group: list[Leaf]) -> list[Leaf]:

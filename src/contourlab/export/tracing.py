@@ -15,7 +15,7 @@ from contourlab.export.fields import Field, fields_of
 from contourlab.export.flatten import Program, Variable, flatten
 from contourlab.recordings.sample import Sample
 
-__all__ = ["LARGEST_PARAMETER", "Leaf", "TracedLaw", "trace_law"]
+__all__ = ["LARGEST_PARAMETER", "Leaf", "TracedLaw", "law_outputs", "trace_law"]
 
 LARGEST_PARAMETER = 64
 """Elements of an array up to which it is a run-time parameter; larger ones are tables."""
@@ -83,6 +83,28 @@ def _used(program: Program, variable: Variable) -> bool:
     return any(variable in one.inputs for one in program.equations) or variable in program.outputs
 
 
+def law_outputs(law: BoundController, command: Any, state: Any) -> dict[str, Any]:
+    """Return what a step gives: command, status, whether it has finished, telemetry by name.
+
+    Parameters
+    ----------
+    law
+        Bound.
+    command
+        Of the step.
+    state
+        After the step.
+    """
+    found = {"command": command, "status": law.status(state), "finished": law.finished(state)}
+    for key, value in law.telemetry(state).items():
+        found[key if key not in found else f"telemetry_{key}"] = value
+    arrays = {key: jnp.asarray(one) for key, one in found.items()}
+    return {
+        key: one.astype(jnp.int32) if one.dtype.kind in "iub" else one
+        for key, one in arrays.items()
+    }
+
+
 def trace_law(law: BoundController, sample: Sample) -> TracedLaw:
     """Return a law's functions as programs.
 
@@ -105,30 +127,20 @@ def trace_law(law: BoundController, sample: Sample) -> TracedLaw:
 
     order: list[str] = []  # jax sorts the keys of a dict
 
-    def outputs(law: Any, command: Any, state: Any) -> dict[str, Any]:
-        found = {"command": command, "status": law.status(state), "finished": law.finished(state)}
-        for key, value in law.telemetry(state).items():
-            found[key if key not in found else f"telemetry_{key}"] = jnp.asarray(value)
-        order[:] = found
-        return {
-            key: value.astype(jnp.int32) if value.dtype.kind in "iub" else value
-            for key, value in ((key, jnp.asarray(one)) for key, one in found.items())
-        }
-
     def step(leaves: Any, state_leaves: Any, sample_leaves: Any) -> Any:
         law = jax.tree.unflatten(structure, leaves)
         state = jax.tree.unflatten(state_structure, state_leaves)
         sample = jax.tree.unflatten(sample_structure, sample_leaves)
         command, after = law.step(state, sample)
-        found = outputs(law, command, after)
-        return jax.tree.leaves(after), [found[key] for key in order]
+        found = law_outputs(law, command, after)
+        order[:] = found
+        return jax.tree.leaves(after), list(found.values())
 
     leaves = [jnp.asarray(one) for one in leaves]
     state_leaves = [jnp.asarray(one) for one in state_leaves]
-    shown = jax.eval_shape(
-        lambda *a: outputs(a[0], *a[0].step(a[1], a[2])), law, state, sample
-    )  # fmt: skip
-    first = {key: np.zeros(shown[key].shape, shown[key].dtype) for key in order}
+    traced = jax.make_jaxpr(step)(leaves, state_leaves, sample_leaves)
+    shapes = traced.out_avals[len(state_leaves) :]
+    first = {k: np.zeros(one.shape, one.dtype) for k, one in zip(order, shapes, strict=True)}
     fixed = _fixed(law)
     named = jax.tree_util.tree_unflatten(structure, leaves)
     return TracedLaw(
@@ -141,7 +153,7 @@ def trace_law(law: BoundController, sample: Sample) -> TracedLaw:
         inputs=_leaves(sample, "sample", SAMPLE_UNITS),
         outputs=_ordered(first),
         init=flatten(jax.make_jaxpr(init)(leaves, sample_leaves)),
-        step=flatten(jax.make_jaxpr(step)(leaves, state_leaves, sample_leaves)),
+        step=flatten(traced),
     )
 
 

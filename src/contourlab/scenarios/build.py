@@ -22,6 +22,7 @@ from contourlab.recordings.reference import Reference
 from contourlab.scenarios import registry
 from contourlab.scenarios.axes_path import reference_of_axes
 from contourlab.scenarios.locate import Key
+from contourlab.scenarios.own_law import is_own_law, law_name, load_own_law
 from contourlab.scenarios.part_files import file_kind, read_part_file
 from contourlab.scenarios.schema import FeedSection, PartSection
 from contourlab.scenarios.values import KeyedError, at, make
@@ -139,8 +140,9 @@ def restriction_notes(section: PartSection, part: Part | None) -> tuple[tuple[st
 
 
 def build_controllers(
-    entries: Sequence[Mapping[str, Any]], machines: Mapping[str, Machine]
-) -> dict[str, dict[str, Controller]]:
+    entries: Sequence[Mapping[str, Any]], machines: Mapping[str, Machine],
+    folder: FilePath = FilePath("."),
+) -> dict[str, dict[str, Controller]]:  # fmt: skip
     """Return every controller for each machine that it runs on, by its name and the machine's.
 
     Parameters
@@ -149,6 +151,8 @@ def build_controllers(
         ``[[controller]]``.
     machines
         By name.
+    folder
+        Where a file with a law of the user's own is looked for.
 
     Raises
     ------
@@ -161,9 +165,9 @@ def build_controllers(
         values = dict(entry)
         name = values.pop("name", None)
         only = _only(values.pop("machines", None), (*key, "machines"), machines)
-        own = {where: _on(where, values, key, machines) for where in only}
+        own = {where: _on(where, values, key, machines, folder) for where in only}
         if name is None:
-            name = str(values["type"]).replace("-", "_")
+            name = law_name(str(values["type"]))
         if not isinstance(name, str) or not name:
             raise KeyedError((*key, "name"), f"must be a name, got {name!r}")
         if name in made:
@@ -188,22 +192,28 @@ def _only(value: Any, key: Key, machines: Mapping[str, Machine]) -> list[str]:
 
 
 def _on(
-    where: str, values: Mapping[str, Any], key: Key, machines: Mapping[str, Machine]
-) -> Controller:
+    where: str, values: Mapping[str, Any], key: Key, machines: Mapping[str, Machine],
+    folder: FilePath,
+) -> Controller:  # fmt: skip
     try:
-        return _controller(values, key, machines[where])
+        return _controller(values, key, machines[where], folder)
     except KeyedError as error:
         if len(machines) == 1:
             raise
         raise KeyedError(error.key, f"{error.message} (on machine {where})") from error
 
 
-def _controller(value: Any, key: Key, machine: Machine) -> Controller:
-    cls, values = _typed(value, key, "controller", registry.controllers())
+def _controller(value: Any, key: Key, machine: Machine, folder: FilePath) -> Controller:
+    if isinstance(value, Mapping) and is_own_law(value.get("type")):
+        values = dict(value)
+        with at(*key, "type"):
+            cls = load_own_law(values.pop("type"), folder)
+    else:
+        cls, values = _typed(value, key, "controller", registry.controllers())
     return make(  # type: ignore[no-any-return]
         cls, values, key, given=_given(cls, machine),
         parts={
-            "axis": lambda v, k: _controller(v, k, machine),
+            "axis": lambda v, k: _controller(v, k, machine, folder),
             "estimator": _estimator,
             "frame": _frame,
             "least_squares": _least_squares,

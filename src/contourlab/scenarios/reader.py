@@ -180,7 +180,7 @@ def _build(
             )
     contour, part = build_contour(sections.part, axes, folder)
     contour = in_axes(sections.part, contour, machines)
-    controllers = build_controllers(sections.controller, machines)
+    controllers = build_controllers(sections.controller, machines, folder)
     for k, label in enumerate(labels):
         if not any(label in own for own in controllers.values()):
             raise KeyedError(("machine", k), f"no controller runs on machine {label}")
