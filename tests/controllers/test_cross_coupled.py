@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from contourlab.configuration import replace
 from contourlab.contour_errors import OsculatingCircleEstimator, TangentEstimator
 from contourlab.contours import Circle, Ellipse, Helix, Line
 from contourlab.controllers import AxisPid, Cascade, CrossCoupled
@@ -174,6 +175,26 @@ def test_telemetry_is_the_estimate():
     assert_allclose(
         bound.telemetry(state)["contour_error_estimate"], TangentEstimator().estimate(sample)
     )
+
+
+def test_engaged_late_it_is_the_axis_law_until_then_and_its_integral_starts_there():
+    contour = Ellipse(semi_axes=(0.03, 0.01))
+    axis, start = pid(), 40
+    law = coupled(axis, engage_time=start * T)
+    samples = make_samples(contour, 80, T, law.needs)
+    commands, state = run(law.bind(contour, T), samples)
+    by_axes, _ = run(axis.bind(contour, T), samples)
+    whole, from_the_start = run(replace(law, engage_time=0.0).bind(contour, T), samples)
+    np.testing.assert_array_equal(commands[:start], by_axes[:start])
+    # without integral and derivative's past the two would agree from there on
+    plain = {"ki": 0.0, "kd": 0.0}
+    late, _ = run(replace(law, **plain).bind(contour, T), samples)
+    early, _ = run(replace(law, engage_time=0.0, **plain).bind(contour, T), samples)
+    assert_allclose(late[start:], early[start:], rtol=1e-12)
+    assert np.all(np.abs(commands[start] - by_axes[start]) > 1e-3)
+    ratio = np.linalg.norm(state.integral) / np.linalg.norm(from_the_start.integral)
+    assert 0.2 < ratio < 0.95
+    assert np.all(np.isfinite(whole))
 
 
 def test_needs_are_the_union():

@@ -8,7 +8,17 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from contourlab.contours import Circle, Ellipse, Heart, Line, Lissajous, Sinusoid, join
+from contourlab.contours import (
+    BSpline,
+    Circle,
+    Ellipse,
+    Heart,
+    Line,
+    Lissajous,
+    Path,
+    Sinusoid,
+    join,
+)
 from contourlab.controllers.master import choose_master, master_motion, why_not_master
 from contourlab.controllers.position_domain import (
     PositionDomain,
@@ -138,6 +148,37 @@ def test_a_rectangle_makes_the_master_stand_still():
         choose_master("Law", rectangle(), model((1.0, 1.0)), NAMES)
 
 
+def test_a_short_dwell_on_a_long_program_is_found():
+    """A line of 0.1 mm across a program of 10 m: a grid of thousands would step over it."""
+    corners = [(0.0, 0.0), (5.0, 1.0), (5.0, 1.0001), (10.0, 2.0)]
+    assert "stands still at 5000 mm" in why_not_master(Path.polyline(corners), 0)
+    assert why_not_master(Path.polyline(corners), 1) == ""
+    at_the_end = [(0.0, 0.0), (5.0, 1.0), (10.0, 2.0), (10.0, 2.0001)]
+    assert "stands still at 10000 mm" in why_not_master(Path.polyline(at_the_end), 0)
+
+
+def test_a_dwell_and_a_turn_of_a_spline_are_found_in_their_spans():
+    """A straight span across the master, and a wiggle, each a thousandth of the curve long."""
+    knots = np.repeat([0.0, 1.0, 1.001, 2.0], [4, 3, 3, 4])
+    across = [
+        (0, 0),
+        (1, 0),
+        (2, 0),
+        (3, 0),
+        (3, 1e-3),
+        (3, 2e-3),
+        (3, 3e-3),
+        (4, 0),
+        (5, 0),
+        (6, 0),
+    ]
+    spline = BSpline(control_points=1e-2 * np.array(across, float), degree=3, knots=knots)
+    assert "stands still" in why_not_master(spline, 0)
+    back = [(0, 0), (1, 0), (2, 0), (3, 0), (3.01, 0), (2.99, 0), (3, 1e-3), (4, 0), (5, 0), (6, 0)]
+    wiggle = BSpline(control_points=1e-2 * np.array(back, float), degree=3, knots=knots)
+    assert "turns back" in why_not_master(wiggle, 0)
+
+
 def test_a_coordinate_that_turns_back_within_its_range_is_refused_with_where():
     path = Lissajous(amplitudes=np.array([0.01, 0.02]), frequencies=(1.0, 1.0),
                      phases=np.array([0.0, 0.5 * np.pi]))  # fmt: skip
@@ -170,6 +211,11 @@ def test_the_motion_of_a_circle_is_a_cosine_with_its_phase():
     assert motion.cosine
     assert_allclose([motion.amplitude, motion.centre], [0.02, 0.0], atol=1e-15)
     assert_allclose(motion.phase, -0.5 * np.pi)
+    over_length = master_motion("Law", join([Circle(radius=0.02)], closed=True).path, 0, NAMES)
+    assert over_length.cosine
+    assert_allclose(over_length.angle_rate, 1.0 / 0.02)
+    ellipse = join([Ellipse(semi_axes=(0.02, 0.01))], closed=True).path
+    assert not master_motion("Law", ellipse, 1, NAMES).cosine  # over its arc length
     ramp = master_motion("Law", Sinusoid(amplitude=0.01, wavelength=0.02), 0, NAMES)
     assert not ramp.rotational
 
@@ -183,6 +229,23 @@ def test_arcs_of_a_path_can_have_a_master():
     reference = np.linspace(0.3, 2.7, 100)
     position = 0.02 * np.cos(reference - 0.01)
     assert_allclose(located(where, position, reference)[1:], reference[1:] - 0.01, atol=1e-12)
+
+
+def test_where_a_monotone_masters_slope_vanishes_noise_does_no_more_than_at_a_turn():
+    """Half a circle, of which the master's slope is 0 at both ends: σ / (ε S) there too."""
+    half = Circle(radius=0.02).between(0.0, np.pi)
+    reference = np.linspace(0.0, np.pi, 3000)
+    noise = 1e-8 * np.random.default_rng(2).normal(size=reference.size)
+    found = located(domain(half), 0.02 * np.cos(reference) + noise, reference)
+    assert np.max(np.abs(found - reference)) < 5.0 * 1e-8 / (0.03 * 0.02)
+
+
+def test_over_arc_length_the_arccosine_takes_the_angle():
+    """A circle of 20 mm as a path: the lag is found in metres of arc."""
+    path = join([Circle(radius=0.02)], closed=True).path
+    s = 0.02 * T[:1500]
+    found = located(domain(path, "arccos"), 0.02 * np.cos((s - 4e-5) / 0.02), s)
+    assert np.max(np.abs(found - (s - 4e-5))[10:]) < 1e-9
 
 
 def test_a_monotone_master_beyond_the_end_of_its_path_stays_there():

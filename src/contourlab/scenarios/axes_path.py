@@ -33,14 +33,12 @@ def in_axes(section: PartSection, contour: Contour, machines: Mapping[str, Machi
     Raises
     ------
     KeyedError
-        ``space = "axes"`` of a part from a file, on machines without a tool map or with several, or
-        with another number of coordinates than axes.
+        ``space = "axes"`` on machines without a tool map or with several, or with another number of
+        coordinates than axes.
     """
     if section.space == "tool":
         return contour
     key = ("part", "space")
-    if section.file is not None:
-        raise KeyedError(key, "goes with formula, not with file: files are paths of the tool")
     first, *others = machines.values()
     tool = first.tool
     if not isinstance(tool, LinearTool):

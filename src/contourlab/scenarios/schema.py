@@ -61,6 +61,8 @@ class PartSection(BaseModel):
             raise ValueError(
                 f"lines must be the first and the last line, counted from 1, got {self.lines!r}"
             )
+        if self.space == "axes" and self.file is not None:
+            raise ValueError("space = 'axes' goes with formula: files are paths of the tool")
         if self.plane is not None and self.axes is not None:
             raise ValueError("plane gives the coordinates itself; remove axes")
         return self
