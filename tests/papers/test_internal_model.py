@@ -223,6 +223,41 @@ def test_the_tables_are_made_of_the_runs_that_they_name(monkeypatch):
     assert_allclose([float(c.engage_time) for c in four], [8.0, 2.0])
 
 
+def test_the_claims_are_made_of_the_runs_that_they_name(monkeypatch):
+    asked = []
+
+    def run(controller, reference, machine, *, disturbances=()):
+        asked.append((controller, disturbances))
+        recording = recorded(1e-9)
+        turning = 20.0 if getattr(controller, "second_signal", "") == "position" else 1e-6
+        recording.dataset["exosystem_alpha_1"] = ("time", np.full(2001, turning - 2.0))
+        return recording
+
+    monkeypatch.setattr(claims, "run", run)
+    monkeypatch.setattr(robustness, "run", run)
+    made = tables()
+    made.shaken = {"known": Figures(1e-18, 1e-17), "unknown": Figures(1e-8, 1e-7)}
+    made.shaken_master = 1e-4
+    shares = []
+    rows, figure = claims.claim_rows(made, shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+    cases = {row.case.split(",")[0] for row in rows if row.experiment == "robustness, emulation"}
+    assert cases == set(CONTOURS)
+    sweep = [row for row in rows if row.experiment == "master's error"]
+    assert len(sweep) == 2 + 2 * len(claims.FREQUENCIES)
+    pushed = [(c, d) for c, d in asked if d and d.axis == 0]
+    told = [c for c, _ in pushed if c.disturbance_frequencies_hz is not None]
+    assert len(pushed) == len(sweep)
+    assert_allclose(
+        [float(c.disturbance_frequencies_hz[0]) for c in told],
+        np.array(claims.FREQUENCIES) / (2.0 * np.pi),
+    )
+    assert {row.verdict for row in rows if row.experiment == "second signal"} == {"relation"}
+    assert figure.name == paper.PAPER.figures[-1]
+    assert len(figure.curves) == 3
+
+
 def test_a_figure_keeps_its_peaks():
     recording = recorded(1e-9, 40001)
     recording.dataset["contour_error"][12345] = -3e-6

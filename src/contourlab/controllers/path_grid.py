@@ -94,9 +94,9 @@ def _pieces(path: Contour) -> tuple[NDArray[Any] | None, Any]:
         breaks = np.concatenate([[low], knots[(knots > low) & (knots < high)], [high]])
         return breaks, np.zeros(len(breaks) - 1)
     if isinstance(path, Reversed):
-        breaks, angles = _pieces(path.inner)
+        inner, angles = _pieces(path.inner)
         start, end = (float(np.asarray(edge)) for edge in path.domain)
-        return (None if breaks is None else (start + end - breaks)[::-1]), angles[::-1]
+        return (None if inner is None else (start + end - inner)[::-1]), angles[::-1]
     if isinstance(path, Transformed | Stretch):
         return _pieces(path.inner)
     return None, np.zeros(0)
