@@ -18,7 +18,6 @@ import numpy as np
 
 from contourlab.papers.paper import Paper, Progress
 from contourlab.papers.predictive_rows import (
-    FIGURES,
     bound_rows,
     model_rows,
     robust_rows,
@@ -31,8 +30,10 @@ from contourlab.papers.predictive_runs import (
     EQUAL,
     LOWERED,
     PLAIN,
+    RAISED,
     WINDOW,
     Case,
+    Errors,
     cases,
     judged,
     run_case,
@@ -45,7 +46,7 @@ __all__ = ["PAPER"]
 
 def _run(progress: Progress) -> Reproduction:
     todo = list(cases())
-    found: dict[Case, tuple[float, float]] = {}
+    found: dict[Case, Errors] = {}
     drawn: dict[Case, Recording] = {}
     for k, case in enumerate(todo):
         recording = run_case(case)
@@ -65,29 +66,39 @@ def _run(progress: Progress) -> Reproduction:
     )  # fmt: skip
 
 
+DRAWN = {
+    "4": ("circle", CONTOUR),
+    "5": ("figure of eight", CONTOUR),
+    "6": ("circle", LOWERED),
+    "6_raised": ("circle", RAISED),
+    "7": ("figure of eight", LOWERED),
+    "7_raised": ("figure of eight", RAISED),
+}
+"""Trajectory and weights of (b); 6 and 7 in both readings of ρ_t = 10³ ρ_n."""
+
+
 def _figures(drawn: Mapping[Case, Recording]) -> Iterator[PaperFigure]:
-    studies = {0: CONTOUR, 1: LOWERED}
-    for contour, numbers in FIGURES.items():
-        for study, number in enumerate(numbers):
-            names = {EQUAL: f"(a) {EQUAL}", studies[study]: f"(b) {studies[study]}"}
-            runs = {name: drawn[Case(contour, weights=w)] for w, name in names.items()}
-            time = np.asarray(next(iter(runs.values()))["time"])
-            kept = (time >= WINDOW[0]) & (time <= WINDOW[1])
-            yield PaperFigure(
-                name=f"predictive_figure_{number}",
-                title=f"{contour.capitalize()}, {PLAIN} (Figure {number})",
-                y_label="contour error [µm]",
-                time=time[kept],
-                curves=tuple(
-                    (name, 1e6 * np.asarray(run["contour_error"])[kept])
-                    for name, run in runs.items()
-                ),
-            )
+    for number, (contour, weights) in DRAWN.items():
+        runs = {
+            f"({letter}) {what}": drawn[Case(contour, weights=what)]
+            for letter, what in (("a", EQUAL), ("b", weights))
+        }
+        time = np.asarray(next(iter(runs.values()))["time"])
+        kept = (time >= WINDOW[0]) & (time <= WINDOW[1])
+        yield PaperFigure(
+            name=f"predictive_figure_{number}",
+            title=f"{contour.capitalize()}, {PLAIN} (Figure {number.partition('_')[0]})",
+            y_label="contour error [µm]",
+            time=time[kept],
+            curves=tuple(
+                (name, 1e6 * np.asarray(run["contour_error"])[kept]) for name, run in runs.items()
+            ),
+        )
 
 
 PAPER = Paper(
     slug="predictive",
     title="Model predictive approach to contouring control (El Khalick, Uchiyama)",
-    figures=tuple(f"predictive_figure_{number}" for number in (4, 6, 5, 7)),
+    figures=tuple(f"predictive_figure_{number}" for number in DRAWN),
     run=_run,
 )

@@ -9,8 +9,9 @@ which is 6.199 1/s and 0.02228 m/s² per V; the tables add 1e-4 of the motors' i
 axes are equal to four digits. Held over T = 5 ms this is the paper's (21), but for two slips:
 
 - (21) is of metres and volts, while the references (22), (23) are in mm. Its second coefficient of
-  B is printed 0.28e-6 and should round to 0.27e-6 (:data:`PRINTED` has it as printed): the velocity
-  per volt is then 3.9 % too large.
+  B is printed 0.28e-6 and should round to 0.27e-6 (:data:`PRINTED` has it as printed). The velocity
+  per volt, (b_0 + b_1) / (T (1 - a)) with A = (1 - q⁻¹) (1 - a q⁻¹), is 3.9 % too large: 2.0 % by
+  the rounding of the other digits, the rest by this one.
 - (21) prints B with a leading q⁻¹ and (6) multiplies it by u(k-1): one sample of delay too many.
 
 What the paper leaves open, and what stands here instead:
