@@ -52,7 +52,7 @@ When the estimate fails:
 * Several feet. θ̂ is the local minimum that it has followed, which after a jump of P or on the
   inside of a curve beyond its centre need not be the nearest. With (10), h < 0 about a local
   *maximum* of the distance would draw θ̂ to it; wherever (10) falls below 0.2 |R'|², (11) is taken.
-  At the maximum itself g = 0, and θ̂ stays until it is disturbed.
+  At the maximum itself g = 0: there θ̂ is pushed off, forwards, by a tenth of the distance.
 * Ends. θ̂ stays in the domain of an open contour, where the error is that of the end point (in the
   projected form, of the tangent at the end); a closed one goes round.
 * Corners. Derivatives are one-sided; at the inside of a corner the steps jump across it, and the
@@ -101,6 +101,10 @@ _RATE = 500.0
 _ITERATIONS = 4
 _LEAST_SHARE = 0.2
 """Of |R'|²: below it the full Hessian is not trusted."""
+_LEVEL = 1e-6
+"""Of |E| |R'|: a gradient below it is none."""
+_NUDGE = 0.1
+"""Of |E|: by how far θ̂ is pushed off where the distance is largest."""
 _SPEEDS = 257
 """Parameters at which the largest |R'| is looked for."""
 
@@ -265,13 +269,18 @@ class BoundNewtonEstimator(Estimator):
         """Return -g / h."""
         slope2 = rows[1] @ rows[1]
         gradient = error @ rows[1]  # (9)
-        if self.hessian == "gradient":
-            return -gradient / self.largest  # (G)
+        full = error @ rows[2] + slope2  # (10)
         h = slope2  # (11)
+        if self.hessian == "gradient":
+            h = jnp.asarray(self.largest)  # (G)
         if self.hessian == "full":
-            full = error @ rows[2] + slope2  # (10)
             h = jnp.where(full < _LEAST_SHARE * slope2, slope2, full)
-        return -gradient / jnp.where(h == 0.0, 1.0, h)
+        move = -gradient / jnp.where(h == 0.0, 1.0, h)
+        distance2 = error @ error
+        level = (slope2 > 0.0) & (gradient**2 <= _LEVEL**2 * slope2 * distance2)
+        farthest = level & (full < 0.0)
+        away = _NUDGE * jnp.sqrt(jnp.where(farthest, distance2 / slope2, 1.0))
+        return jnp.where(farthest, away, move)
 
     def _converge(self, state: NewtonState, sample: Sample) -> tuple[AxisVector, NewtonState]:
         point = sample.position
