@@ -30,8 +30,6 @@ MODEL = NominalModel(
     mass=np.array([0.12, 0.55]), viscous=np.array([0.35, 0.5]), coulomb=np.array([0.1, 0.13]),
     gain=np.array([1.0, 1.1]), command_limit=np.array([60.0, 60.0]), command="voltage",
 )  # fmt: skip
-# some of them outside the bounds
-BEYOND = np.array([[0.1, 0.55], [0.7, 0.7], [0.04, 0.07], [0.02, -0.01]])
 GAINS = {"model": MODEL, "error_decay": (30.0, 50.0), "feedback_gain": (10.0, 12.0)}
 LOWER = np.array([[0.06, 0.4], [0.2, 0.3], [0.05, 0.08], [-0.5, -0.5]])
 UPPER = np.array([[0.25, 0.7], [0.6, 0.6], [0.15, 0.25], [0.5, 0.5]])
@@ -58,16 +56,18 @@ def test_the_direct_law_conforms(frame):
 @pytest.mark.parametrize("frame", FRAMES)
 def test_the_integrated_law_conforms(frame):
     # the norm of the covariance is 52 at the start and stays below its limit
+    # X of the model is outside the bounds: the estimates start at them
+    lower, upper = LOWER.copy(), UPPER.copy()
+    lower[1, 0], upper[2, 0] = 0.4, 0.09
     law = IntegratedAdaptiveRobust(
-        **GAINS, **BOUNDS, initial_parameters=BEYOND, frame=frame,
+        **GAINS, parameter_lower=lower, parameter_upper=upper, frame=frame,
         least_squares=FilteredLeastSquares(
             initial_covariance=(10.0, 10.0, 10.0, 49.0), covariance_limit=60.0, cutoff_hz=80.0,
             forgetting=2.0, friction_velocity=1e-2,
         ),
         compensation_rate=600.0, compensation_limit=0.02,
     )  # fmt: skip
-    inert = {f"model.{name}" for name in ("mass", "viscous", "coulomb", "gain")}
-    inert.add("least_squares.at_limit")
+    inert = {"least_squares.at_limit"}
     check_controller(law, contour=Circle(radius=np.array(0.02)), inert=inert)
 
 
@@ -187,6 +187,10 @@ def test_tuning_by_bandwidth():
         ({"parameter_lower": UPPER, "parameter_upper": LOWER}, "must be <= parameter_upper"),
         ({"parameter_lower": 0 * LOWER, "parameter_upper": UPPER}, "> 0 for the masses"),
         ({"initial_parameters": START[0]}, r"initial_parameters must have shape \(4, 2\)"),
+        (
+            {**BOUNDS, "initial_parameters": np.where(START == 0.55, 0.75, START)},
+            "within the bounds of the parameters: mass of axis 1 in 0.4 to 0.7, got 0.75",
+        ),
         ({"unmodelled_limit": 0.1}, "unmodelled_limit has no effect without robust_accuracy"),
         ({"frame": "global"}, "frame must be a task frame"),
         ({"model": None}, "model must be a NominalModel"),
@@ -195,6 +199,18 @@ def test_tuning_by_bandwidth():
 def test_mistakes_are_named(changes, message):
     with pytest.raises(ConfigurationError, match=message):
         DirectAdaptiveRobust(**(GAINS | changes))
+
+
+def test_a_start_beyond_bounds_that_follow_from_the_model_is_refused_when_bound():
+    start = START.copy()
+    start[0, 0] = 0.3  # of a mass of 0.12
+    law = DirectAdaptiveRobust(
+        **GAINS, uncertainty=0.5, disturbance_limit=2.0, initial_parameters=start
+    )
+    with pytest.raises(ConfigurationError, match=r"mass of axis 0 in 0\.06 to 0\.18, got 0\.3"):
+        law.bind(Circle(radius=0.02), T)
+    fine = replace(law, initial_parameters=START).bind(Circle(radius=0.02), T)
+    assert_allclose(fine.initial, START)
 
 
 def test_what_the_laws_cannot_take_is_refused():
@@ -293,8 +309,9 @@ def test_the_compensation_may_be_twice_the_largest_disturbance(low, high):
     """Also where d is known to have one sign."""
     lower, upper = LOWER.copy(), UPPER.copy()
     lower[3], upper[3] = low, high
+    start = np.clip(START, lower, upper)
     law = IntegratedAdaptiveRobust(
-        **GAINS, parameter_lower=lower, parameter_upper=upper, initial_parameters=START
+        **GAINS, parameter_lower=lower, parameter_upper=upper, initial_parameters=start
     )
     assert_allclose(law.bind(Circle(radius=0.02), T).compensation_bound, 1.0)
 

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from contourlab.configuration import part, real
+from contourlab.configuration import is_concrete, part, real
 from contourlab.contours.base import Contour
 from contourlab.controllers.adaptive_robust_law import BoundAdaptiveRobustController
 from contourlab.controllers.axis_controller import (
@@ -37,6 +37,19 @@ UNCERTAINTY = 0.5
 """Share of every parameter that is uncertain if nothing is said."""
 SAMPLED_SHARE = 0.5
 """K + k is at most this share of the least mass over the sample time."""
+
+
+def _refuse_outside(initial: Array, lower: Array, upper: Array) -> None:
+    """Raise ConfigurationError unless a start is within the bounds."""
+    start, low, high = np.broadcast_arrays(*(np.asarray(x) for x in (initial, lower, upper)))
+    wrong = np.argwhere(~((low <= start) & (start <= high)))
+    if len(wrong):
+        *_, row, axis = place = tuple(wrong[0])
+        name = ("mass", "viscous", "coulomb", "disturbance")[row]
+        raise ConfigurationError(
+            "initial_parameters must be within the bounds of the parameters: "
+            f"{name} of axis {axis} in {low[place]:g} to {high[place]:g}, got {start[place]:g}"
+        )
 
 
 class AdaptiveRobustController(Controller):
@@ -101,6 +114,8 @@ class AdaptiveRobustController(Controller):
             raise ConfigurationError("parameter_lower must be <= parameter_upper everywhere")
         if not np.all(np.asarray(lower)[..., 0, :] > 0.0):
             raise ConfigurationError("parameter_lower must be > 0 for the masses")
+        if self.initial_parameters is not None:
+            _refuse_outside(self.initial_parameters, lower, upper)
 
     @classmethod
     def by_bandwidth(cls, model: NominalModel, bandwidth_hz: Any, **settings: Any) -> Any:
@@ -193,7 +208,10 @@ class AdaptiveRobustController(Controller):
         """
         lower, upper = self.bounds()
         initial = self.initial_parameters
-        initial = nominal_parameters(self.model) if initial is None else initial
+        if initial is None:
+            initial = nominal_parameters(self.model)
+        elif all(is_concrete(value) for value in (initial, lower, upper)):
+            _refuse_outside(initial, lower, upper)
         unmodelled = 0.0 if self.unmodelled_limit is None else self.unmodelled_limit
         return {
             "frame": self.frame.bind(contour, sample_time),

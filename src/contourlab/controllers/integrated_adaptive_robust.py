@@ -85,7 +85,8 @@ class IntegratedAdaptiveRobust(AdaptiveRobustController):
     parameter_lower, parameter_upper
         Bounds of θ in place of those two, shape (4, 2): mass, viscous, coulomb, disturbance.
     initial_parameters
-        θ̂(0), shape (4, 2); that of the model if not given.
+        θ̂(0), shape (4, 2), within the bounds; if not given that of the model, or the nearest
+        within them.
     robust_accuracy
         η > 0 [command m/s]: the robust feedback by its conditions; none: a constant gain alone.
     unmodelled_limit
