@@ -19,7 +19,7 @@ from contourlab.export.fields import Field
 from contourlab.export.folder import MANIFEST, SCHEMA
 from contourlab.export.generate import GeneratedC
 from contourlab.export.golden import RecordedLoop
-from contourlab.export.parity import Parity, parity_bound
+from contourlab.export.parity import Parity, unmeasured_bound
 
 __all__ = ["GOLDEN", "write_c", "write_golden", "write_manifest"]
 
@@ -50,7 +50,7 @@ def write_c(
     prefix = generated.prefix
     facts = {
         "g": generated, "P": prefix, "version": contourlab.__version__, "loop": loop,
-        "bound": parity_bound(generated), "parity": parity, "golden": GOLDEN,
+        "bound": unmeasured_bound(generated) if parity is None else parity.bound, "parity": parity, "golden": GOLDEN,
         "flags": " ".join(FLAGS), "strict": STRICT, "sanitizers": SANITIZERS,
         "state_bytes": size_of(generated, generated.state),
         "parameter_bytes": size_of(generated, generated.parameters),
@@ -153,7 +153,7 @@ def write_manifest(
             for f in fields
         ]  # fmt: skip
 
-    bound = parity_bound(generated)
+    bound = unmeasured_bound(generated) if parity is None else parity.bound
     content = {
         "schema": SCHEMA, "contourlab": contourlab.__version__, "target": target,
         "law": generated.law, "prefix": generated.prefix, "precision": generated.precision,

@@ -154,6 +154,30 @@ class CompiledController:
         )  # fmt: skip
         return _read(self._outputs, self.generated.outputs)
 
+    def replay(self, inputs: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
+        """Return the outputs of many steps by field name, after an ``init`` with the first row.
+
+        Parameters
+        ----------
+        inputs
+            By field name, one row for each step.
+        """
+        n = len(next(iter(inputs.values()))) if inputs else 0
+        rows = (type(self._inputs) * n)()
+        outs = (type(self._outputs) * n)()
+        view, out = _records(rows, self.generated.inputs), _records(outs, self.generated.outputs)
+        for field in self.generated.inputs:
+            view[field.name] = np.asarray(inputs[field.name]).reshape(view[field.name].shape)
+        if n:
+            self._init(*map(ctypes.byref, (self.parameters, rows[0], self.state)))
+        step, parameters, state = self._step, ctypes.byref(self.parameters), ctypes.byref(self.state)
+        for k in range(n):
+            step(parameters, ctypes.byref(rows[k]), state, ctypes.byref(outs[k]))
+        return {
+            field.name: np.array(out[field.name]).reshape(n, *field.shape)
+            for field in self.generated.outputs
+        }
+
     def state_values(self) -> dict[str, NDArray[Any]]:
         """Return the state by field name."""
         return _read(self.state, self.generated.state)
@@ -167,6 +191,12 @@ class CompiledController:
             A sample, or values by field name already.
         """
         return named_inputs(self.generated.inputs, inputs)
+
+
+def _records(structures: Any, fields: Sequence[Field]) -> Any:
+    """Return an array of structures as a NumPy array of records on the same memory."""
+    record = np.dtype(structures._type_)
+    return np.frombuffer(structures, record, len(structures)) if fields else np.zeros(0, record)
 
 
 def named_inputs(

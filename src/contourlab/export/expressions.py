@@ -155,7 +155,7 @@ def operation(op: str, dtype: Any, *args: Expression) -> Expression:
     return Expression(op, dtype, args, key=key, size=1 + sum(arg.size for arg in args))
 
 
-def _is(arg: Expression, number: float) -> bool:
+def _is(arg: Expression, number: float | int) -> bool:
     return arg.is_constant and bool(arg.value == number)
 
 
