@@ -19,15 +19,16 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _PACKAGES = (
-    "configuration", "contour_errors", "contours", "controllers", "errors", "export", "feedrate",
-    "identification", "logs", "machines", "papers", "recordings", "reports", "scenarios",
-    "simulation", "testing", "typing", "units",
+    "configuration", "contour_errors", "contours", "controllers", "errors", "evaluation", "export",
+    "feedrate", "identification", "logs", "machines", "papers", "recordings", "reports",
+    "scenarios", "simulation", "testing", "typing", "units",
 )  # fmt: skip
 _NAMES = {
     "Comparison": "contourlab.simulation",
     "Recording": "contourlab.recordings",
     "compare": "contourlab.simulation",
     "estimate_accuracy": "contourlab.contour_errors",
+    "evaluate": "contourlab.evaluation",
     "replace": "contourlab.configuration",
     "reproduce": "contourlab.papers",
     "simulate": "contourlab.simulation",
@@ -64,6 +65,7 @@ if TYPE_CHECKING:
         contours,
         controllers,
         errors,
+        evaluation,
         export,
         feedrate,
         identification,
@@ -80,6 +82,7 @@ if TYPE_CHECKING:
     )
     from contourlab.configuration import replace
     from contourlab.contour_errors import estimate_accuracy
+    from contourlab.evaluation import evaluate
     from contourlab.papers import reproduce
     from contourlab.recordings import Recording
     from contourlab.simulation import Comparison, compare, simulate, simulate_many

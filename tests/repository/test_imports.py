@@ -20,6 +20,7 @@ LAYERS = [
     ["simulation"],
     ["logs"],
     ["identification"],
+    ["evaluation"],
     ["tuning", "studies"],
     ["export"],
     ["reports"],

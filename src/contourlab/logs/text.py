@@ -188,7 +188,7 @@ def _read(
             for frame in pd.read_csv(stream, **options):
                 block, gaps = _numbers(frame, dialect.decimal, places, wanted, name)
                 if block is None:
-                    _refuse_text(name, encoding, dialect, first, places, wanted, comment)
+                    raise _wrong_text(name, encoding, dialect, first, places, wanted, comment)
                 lost += [n_rows + gap - 1 for gap in gaps]
                 chunks.append(block)
                 n_rows += len(block)
@@ -283,11 +283,11 @@ def _rows(name: str, encoding: str, first: int, comment: str | None) -> Iterator
                 yield number, line.rstrip("\r\n")
 
 
-def _refuse_text(
+def _wrong_text(
     name: str, encoding: str, dialect: Dialect, first: int, places: Sequence[int],
     wanted: Sequence[str], comment: str | None,
-) -> None:  # fmt: skip
-    """Raise LogError with the line of the first field that is no number."""
+) -> LogError:  # fmt: skip
+    """Return the error that names the line of the first field that is no number."""
     import pandas as pd
 
     for number, line in _rows(name, encoding, first, comment):
@@ -301,8 +301,8 @@ def _refuse_text(
                 continue
             if np.isnan(pd.to_numeric(pd.Series([plain]), errors="coerce").iloc[0]):
                 shown = field if len(field) <= _SHOWN else f"{field[:_SHOWN]}..."
-                raise LogError(f"{name}:{number}: column {title!r} is {shown!r}, not a number")
-    raise LogError(f"{name}: a column holds something that is not a number")
+                return LogError(f"{name}:{number}: column {title!r} is {shown!r}, not a number")
+    return LogError(f"{name}: a column holds something that is not a number")
 
 
 def _labelled(name: str, encoding: str, sample_time: float | None, lines: Sequence[str]) -> Source:

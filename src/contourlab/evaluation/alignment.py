@@ -1,0 +1,216 @@
+"""A log laid on a part: the rigid motion between them, and how well they match.
+
+The commanded positions differ from the part by the work offset and by how the part was clamped, so
+it is they that are laid on it, by rotation and shift, with as little distance as possible (iterated
+closest points; the tenth that lies farthest, such as an approach, does not pull). What the machine
+does wrong is not touched by that. Only a log without commands is aligned by its actual positions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from contourlab.contours import Path, foot_point
+from contourlab.errors import LogError
+
+__all__ = ["Alignment", "align", "follow"]
+
+SCREENED, REFINED = 240, 2000
+"""Points by which placements are compared, and the best one refined."""
+KEPT = 0.9
+"""Share of the points that pull."""
+WINDOW = 101
+"""Samples over which the place on the part is taken to move with the commands."""
+
+Values = NDArray[Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Alignment:
+    """From machine to part: part = rotation · machine + shift."""
+
+    rotation: Values
+    shift: Values
+    """[m]"""
+    fitted: bool
+    """Whether it was fitted; else the log was taken as it stands."""
+    median: float
+    """Median distance of the commanded positions from the part [m]."""
+    rms: float
+    """Root mean square of those that are on the part [m]."""
+    largest: float
+    """Largest distance of all [m]."""
+    on_part: float = 1.0
+    """Share of the moving samples that are on the part."""
+    covered: float = 1.0
+    """Share of the part's length that the log runs along."""
+
+    @property
+    def angle(self) -> float:
+        """Angle of the rotation, in the plane with its sign [rad]."""
+        if len(self.shift) == 2:
+            return float(np.arctan2(self.rotation[1, 0], self.rotation[0, 0]))
+        return float(np.arccos(np.clip((np.trace(self.rotation) - 1.0) / 2.0, -1.0, 1.0)))
+
+    def to_part(self, points: Values) -> Values:
+        """Return points in the part's coordinates.
+
+        Parameters
+        ----------
+        points
+            In the machine's, shape (n, n_axes) [m].
+        """
+        return points @ self.rotation.T + self.shift  # type: ignore[no-any-return]
+
+    def to_machine(self, vectors: Values) -> Values:
+        """Return vectors in the machine's directions.
+
+        Parameters
+        ----------
+        vectors
+            In the part's, shape (n, n_axes).
+        """
+        return vectors @ self.rotation  # type: ignore[no-any-return]
+
+
+def align(path: Path, points: Values, *, fit: bool) -> Alignment:
+    """Return how a log lies on a part.
+
+    Parameters
+    ----------
+    path
+        The part.
+    points
+        Commanded positions that move, in order, shape (n, n_axes) [m].
+    fit
+        Whether a rotation and a shift are fitted.
+
+    Raises
+    ------
+    LogError
+        The log has another number of axes than the part.
+    """
+    n_axes = points.shape[1]
+    if path.n_axes != n_axes:
+        raise LogError(f"the part has {path.n_axes} coordinates and the log {n_axes} axes")
+    best = (np.eye(n_axes), np.zeros(n_axes))
+    if fit:
+        few = _spread(points, SCREENED)
+        starts = _starts(path, points)
+        tried = [_closest(path, few, *start, turns=6) for start in starts]
+        costs = [_cost(path, few, *place) for place in tried]
+        best = tried[int(np.argmin(costs))]
+        best = _closest(path, _spread(points, REFINED), *best, turns=12)
+    placed = points @ best[0].T + best[1]
+    away = np.abs(np.asarray(foot_point(path, _spread(placed, 5 * REFINED)).distance))
+    inside = away <= np.quantile(away, KEPT)
+    return Alignment(
+        best[0], best[1], fit, float(np.median(away)),
+        float(np.sqrt(np.mean(away[inside] ** 2))), float(away.max()),
+    )  # fmt: skip
+
+
+def _spread(points: Values, count: int) -> Values:
+    """Return points spread evenly over the length of a motion."""
+    if len(points) <= count:
+        return points
+    at = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    rows = np.searchsorted(at, np.linspace(0.0, at[-1], count))
+    return points[np.unique(np.minimum(rows, len(points) - 1))]
+
+
+def _starts(path: Path, points: Values) -> list[tuple[Values, Values]]:
+    """Return placements to begin with: as it stands, and middle on middle in four turns."""
+    n_axes = points.shape[1]
+    shape = _samples(path)
+    middle = 0.5 * (shape.min(axis=0) + shape.max(axis=0))
+    own = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    starts = [(np.eye(n_axes), np.zeros(n_axes))]
+    for quarter in range(4):
+        turn = np.eye(n_axes)
+        c, s = round(np.cos(quarter * np.pi / 2)), round(np.sin(quarter * np.pi / 2))
+        turn[:2, :2] = [[c, -s], [s, c]]
+        starts.append((turn, middle - turn @ own))
+    return starts
+
+
+def _samples(path: Path) -> Values:
+    import jax
+    import jax.numpy as jnp
+
+    s = jnp.linspace(0.0, float(path.length), 512)
+    return np.asarray(jax.jit(jax.vmap(path.position))(s))
+
+
+def _closest(
+    path: Path, points: Values, rotation: Values, shift: Values, *, turns: int
+) -> tuple[Values, Values]:
+    for _ in range(turns):
+        placed = points @ rotation.T + shift
+        feet = foot_point(path, placed)
+        away = np.abs(np.asarray(feet.distance))
+        near = away <= np.quantile(away, KEPT)
+        rotation, shift = _rigid(points[near], np.asarray(feet.position)[near])
+    return rotation, shift
+
+
+def _rigid(points: Values, wanted: Values) -> tuple[Values, Values]:
+    """Return the rotation and shift that lay points on others with the least squares."""
+    a, b = points.mean(axis=0), wanted.mean(axis=0)
+    u, _, v = np.linalg.svd((wanted - b).T @ (points - a))
+    sign = np.ones(len(a))
+    sign[-1] = np.sign(np.linalg.det(u @ v))
+    rotation = (u * sign) @ v
+    return rotation, b - rotation @ a
+
+
+def _cost(path: Path, points: Values, rotation: Values, shift: Values) -> float:
+    away = np.abs(np.asarray(foot_point(path, points @ rotation.T + shift).distance))
+    return float(np.quantile(away, KEPT))
+
+
+def follow(path: Path, points: Values) -> tuple[Values, Values]:
+    """Return where on a part each sample of a motion is, and how far from it.
+
+    The nearest point of the whole part may lie on another stretch, where the part crosses itself or
+    runs beside itself. So the place is taken to move as far as the motion does, and the difference
+    between the two is smoothed by a median.
+
+    Parameters
+    ----------
+    path
+        The part.
+    points
+        In the part's coordinates, in order, shape (n, n_axes) [m].
+    """
+    length = float(path.length)
+    feet = foot_point(path, points)
+    place, away = np.asarray(feet.parameter), np.abs(np.asarray(feet.distance))
+    run = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    forward = float(np.median(np.abs(np.diff(_wrapped(place - run, path, length)))))
+    backward = float(np.median(np.abs(np.diff(_wrapped(place + run, path, length)))))
+    sign = 1.0 if forward <= backward else -1.0
+    drift = place - sign * run
+    if path.closed:
+        drift = np.unwrap(drift, period=length)
+    size = min(WINDOW, 2 * (len(drift) // 2) - 1)
+    if size >= 3:
+        drift = median_filter(drift, size=size, mode="nearest")
+    near = sign * run + drift
+    if not path.closed:
+        near = np.clip(near, 0.0, length)
+    local = foot_point(path, points, near=near)
+    own = np.abs(np.asarray(local.distance))
+    # where the motion left the part and came back elsewhere, the nearest point counts
+    lost = own > 2.0 * away + 1e-9
+    place = np.where(lost, place, np.asarray(local.parameter))
+    return place, np.where(lost, away, own)
+
+
+def _wrapped(values: Values, path: Path, length: float) -> Values:
+    return np.unwrap(values, period=length) if path.closed else values
