@@ -252,6 +252,127 @@ def estimate_accuracy(
 
 
 @app.command()
+def evaluate(
+    log: Annotated[
+        Path,
+        typer.Argument(
+            help="Measured log: CSV, halsampler, halscope, MAT, HDF5, MDF or a recording.",
+            show_default=False,
+        ),
+    ],
+    commanded: Annotated[
+        str | None,
+        typer.Option(help="Columns of the commanded positions, with commas.", show_default=False),
+    ] = None,
+    actual: Annotated[
+        str | None,
+        typer.Option(help="Columns of the actual positions, with commas.", show_default=False),
+    ] = None,
+    command: Annotated[
+        str | None,
+        typer.Option(help="Columns of what the drives were told.", show_default=False),
+    ] = None,
+    time: Annotated[str | None, typer.Option(help="Column of time.", show_default=False)] = None,
+    axes: Annotated[
+        str | None, typer.Option(help="Names of the axes, such as XY.", show_default=False)
+    ] = None,
+    unit: Annotated[
+        str | None,
+        typer.Option(help="Of the positions: mm, m, um, or 0.1 um for counts.", show_default=False),
+    ] = None,
+    time_unit: Annotated[
+        str | None, typer.Option(help="Of the column of time.", show_default=False)
+    ] = None,
+    sample_time: Annotated[
+        str | None, typer.Option(help="Between samples, such as 1 ms.", show_default=False)
+    ] = None,
+    contour: Annotated[
+        Path | None,
+        typer.Option(
+            help="Part file to judge against; else the path through the commands.",
+            show_default=False,
+        ),
+    ] = None,
+    align: Annotated[
+        bool, typer.Option("--align/--no-align", help="Lay the log on the part.")
+    ] = True,
+    path: Annotated[
+        str, typer.Option(help="Between commanded positions: polyline or spline.")
+    ] = "polyline",
+    tolerance: Annotated[
+        str | None,
+        typer.Option(help="Of the spline from the commanded positions.", show_default=False),
+    ] = None,
+    measured: Annotated[
+        str | None,
+        typer.Option(
+            help="Where the actual position was measured: motor, scale or tool.",
+            show_default=False,
+        ),
+    ] = None,
+    pitch: Annotated[
+        str | None,
+        typer.Option(help="Of the screws; looked for if not given.", show_default=False),
+    ] = None,
+    circular: Annotated[
+        bool, typer.Option("--circular/--no-circular", help="Look for a circular test.")
+    ] = True,
+    delimiter: Annotated[
+        str | None, typer.Option(help="Between columns of a text.", show_default=False)
+    ] = None,
+    decimal: Annotated[
+        str | None, typer.Option(help="Decimal sign of a text.", show_default=False)
+    ] = None,
+    header: Annotated[
+        bool | None,
+        typer.Option(
+            "--header/--no-header", help="Whether a text names its columns.", show_default=False
+        ),
+    ] = None,
+    comment: Annotated[
+        str | None, typer.Option(help="With what comments of a text begin.", show_default=False)
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(help="Folder for report and judged recording.", show_default=False),
+    ] = None,
+    as_json: AsJson = False,
+    force: Force = False,
+) -> None:
+    """Judge a measured log by its contour error, and tell where that comes from."""
+    from contourlab.cli.output import EVALUATION_FILES, refuse_files, write_evaluated
+    from contourlab.evaluation import evaluate as judge
+    from contourlab.reports import evaluation_json, evaluation_tables
+
+    if output is not None:
+        refuse_files(output, EVALUATION_FILES, force=force)
+    _prepare()
+    result = judge(
+        log, contour=contour, align_part=align, path=path, tolerance=tolerance, measured=measured,
+        pitch=pitch, circular=circular, commanded=commanded, actual=actual, command=command,
+        time=time, axes=axes, unit=unit, time_unit=time_unit, sample_time=sample_time,
+        delimiter=delimiter, decimal=decimal, header=header, comment=comment,
+    )  # fmt: skip
+    report = None if output is None else write_evaluated(result, output, force=force)
+    if as_json:
+        _print_json(evaluation_json(result, report))
+        return
+    from rich.console import Console
+
+    console = Console()
+    for table in evaluation_tables(result):
+        console.print(table)
+    for cause in result.causes:
+        if cause.remedy and cause.state == "found":
+            typer.echo(f"{cause.name}: {cause.remedy}")
+    _say(result.warnings)
+    if report is not None:
+        typer.echo(f"report: {report}")
+    else:
+        typer.echo("add --output FOLDER for the report and the judged recording")
+
+
+@app.command()
 def reproduce(
     paper: Annotated[
         str | None, typer.Argument(help="Which paper; all there are if left out.")

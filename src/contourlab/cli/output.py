@@ -11,13 +11,15 @@ from contourlab.contour_errors.accuracy_names import study_named
 from contourlab.contours import read_dxf, read_gcode, read_points, read_svg
 from contourlab.controllers.base import Controller
 from contourlab.errors import ConfigurationError, OutputError, ScenarioError, choices
+from contourlab.evaluation import Evaluation
 from contourlab.recordings import Recording
 from contourlab.recordings.files import refuse_existing
-from contourlab.reports import write_figures, write_report
+from contourlab.reports import write_evaluation, write_figures, write_report
 from contourlab.scenarios.part_files import file_kind
 from contourlab.simulation import Comparison
 
 __all__ = [
+    "EVALUATION_FILES",
     "accuracy_contours",
     "choose_controller",
     "choose_machine",
@@ -26,12 +28,14 @@ __all__ = [
     "refuse_files",
     "refuse_recording",
     "write_comparison",
+    "write_evaluated",
     "write_recording",
 ]
 
 REPORT = "report.html"
 FIGURES = ("path.png", "contour_error.png", "commands.png", "summary.png")
 SPREAD_FIGURE = "spread.png"
+EVALUATION_FILES = (REPORT, "evaluated.nc")
 
 
 def recording_file(name: str) -> str:
@@ -209,6 +213,23 @@ def refuse_recording(file: Path, *, force: bool) -> None:
     if file.suffix not in (".nc", ".csv"):
         raise OutputError(f"{file}: a recording is written as .nc (netCDF) or .csv")
     refuse_existing(file, force=force)
+
+
+def write_evaluated(evaluation: Evaluation, folder: Path, *, force: bool) -> Path:
+    """Write report and judged recording of a log, and return the report.
+
+    Parameters
+    ----------
+    evaluation
+        What was found.
+    folder
+        Where.
+    force
+        Whether files may be replaced.
+    """
+    report = write_evaluation(evaluation, folder / REPORT, force=force)
+    evaluation.recording.save(folder / EVALUATION_FILES[1], force=force)
+    return report
 
 
 def write_recording(recording: Recording, file: Path, *, force: bool) -> None:

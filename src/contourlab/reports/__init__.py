@@ -12,6 +12,8 @@ from contourlab.reports.accuracy_table import (
     write_accuracy,
 )
 from contourlab.reports.chattering_figure import chattering_table, write_chattering_figure
+from contourlab.reports.evaluation_page import write_evaluation
+from contourlab.reports.evaluation_table import evaluation_json, evaluation_tables
 from contourlab.reports.figures import write_figures
 from contourlab.reports.page import write_report
 from contourlab.reports.reproduction import (
@@ -36,6 +38,8 @@ __all__ = [
     "chattering_table",
     "comparison_json",
     "comparison_table",
+    "evaluation_json",
+    "evaluation_tables",
     "reproduction_json",
     "reproduction_notes",
     "reproduction_table",
@@ -43,6 +47,7 @@ __all__ = [
     "spread_table",
     "write_accuracy",
     "write_chattering_figure",
+    "write_evaluation",
     "write_figures",
     "write_paper_figures",
     "write_report",

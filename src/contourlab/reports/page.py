@@ -93,7 +93,7 @@ def _page(drawing: Drawing) -> str:
     )
     comparison = drawing.comparison
     rows = _points_per_curve(drawing)
-    return environment.from_string(_template("report.html")).render(
+    return environment.from_string(template("report.html")).render(
         title=comparison.title or "Contouring comparison",
         sentences=[*result_sentences(drawing), *spread_sentences(comparison)],
         columns=table_columns(comparison),
@@ -118,8 +118,8 @@ def _page(drawing: Drawing) -> str:
         points_per_curve=rows,
         warnings=_warnings(drawing),
         provenance=provenance(comparison),
-        style=Markup(_template("report.css")),
-        script=Markup(_template("theme.js") + _template("figures.js") + _template("report.js")),
+        style=Markup(template("report.css")),
+        script=Markup(template("theme.js") + template("figures.js") + template("report.js")),
         plotly=Markup(get_plotlyjs()),
         data=Markup(script_json(_payload(drawing, rows))),
     )
@@ -166,7 +166,14 @@ def _warnings(drawing: Drawing) -> list[tuple[int | None, str, str]]:
 
 
 @cache
-def _template(name: str) -> str:
+def template(name: str) -> str:
+    """Return a file of the pages' styles, scripts and text.
+
+    Parameters
+    ----------
+    name
+        Of the file.
+    """
     return (files("contourlab.reports") / "templates" / name).read_text(encoding="utf-8")
 
 
@@ -220,7 +227,7 @@ def _payload(drawing: Drawing, n_points: int) -> dict[str, Any]:
             for strips in strips_of(drawing)
         ],
         "lines": {str(n): drawing.line_text(n) for n in sorted(lines) if n},
-        "path": [_packed(column * 1e3) for column in drawing.path[:, :shown].T],
+        "path": [packed(column * 1e3) for column in drawing.path[:, :shown].T],
         "stops": {
             "time": drawing.stops.time.tolist(),
             "distance": (drawing.stops.distance * 1e3).tolist(),
@@ -236,8 +243,8 @@ def _payload(drawing: Drawing, n_points: int) -> dict[str, Any]:
 def _strip(strip: Strip, number: int) -> dict[str, Any]:
     return {
         "run": number,
-        "values": _packed(strip.values),
-        "offset": _packed(strip.offset),
+        "values": packed(strip.values),
+        "offset": packed(strip.offset),
         "low": _finite(strip.low),
         "median": _finite(strip.median),
         "high": _finite(strip.high),
@@ -273,12 +280,12 @@ def _run(drawing: Drawing, run: Run, n_points: int) -> dict[str, Any]:
         "cut": n < run.recording.n_samples,
         "status": run.status,
         "worst": worst,
-        "time": _packed(run.time[kept]),
-        "distance": _packed(run.distance[kept] * mm),
-        "error": _packed(run.error[kept] * um),
-        "foot": [_packed(column * mm) for column in run.foot[kept, :shown].T],
-        "vector": [_packed(column * mm) for column in run.vector[kept, :shown].T],
-        "line": _packed(run.line[kept]),
+        "time": packed(run.time[kept]),
+        "distance": packed(run.distance[kept] * mm),
+        "error": packed(run.error[kept] * um),
+        "foot": [packed(column * mm) for column in run.foot[kept, :shown].T],
+        "vector": [packed(column * mm) for column in run.vector[kept, :shown].T],
+        "line": packed(run.line[kept]),
         "_lines": run.line[kept],
         "axes": _axis_curves(run, n_points),
         "closeup": _closeup(drawing, run),
@@ -300,9 +307,9 @@ def _axis_curves(run: Run, n_points: int) -> dict[str, Any]:
             at = spans(np.abs(command) >= limit * (1.0 - 1e-12), gap=n // 500)
             saturated.append([[run.time[a], run.time[min(b + 1, n - 1)]] for a, b in at])
     return {
-        "time": _packed(run.time[kept]),
+        "time": packed(run.time[kept]),
         "saturated": saturated,
-        **{name: [_packed(row[kept]) for row in rows] for name, rows in curves.items()},
+        **{name: [packed(row[kept]) for row in rows] for name, rows in curves.items()},
     }
 
 
@@ -325,8 +332,14 @@ def _closeup(drawing: Drawing, run: Run) -> dict[str, Any] | None:
     }
 
 
-def _packed(values: Any) -> dict[str, str]:
-    """Return numbers as base64: half the size of decimal text, and exact to seven digits."""
+def packed(values: Any) -> dict[str, str]:
+    """Return numbers as base64: half the size of decimal text, and exact to seven digits.
+
+    Parameters
+    ----------
+    values
+        Of one dimension.
+    """
     array = np.asarray(values)
     kind = "i4" if array.dtype.kind in "iu" else "f4"
     raw = np.ascontiguousarray(array, f"<{kind}").tobytes()
