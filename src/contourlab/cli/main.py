@@ -17,6 +17,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 import contourlab
+from contourlab.cli.identify import identify
 from contourlab.errors import ContourlabError
 
 __all__ = ["app", "main"]
@@ -474,6 +475,7 @@ def export(
             f"at the most (bound {result.parity.bound.relative:.3g})"
         )
     _say(result.warnings)
+app.command()(identify)
 
 
 def _prepare() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -46,6 +47,7 @@ def read_record(
     computing_delay: float = 0.0,
     window: tuple[float, float] | None = None,
     command_kind: str | None = None,
+    kinds: Mapping[str, str] = COMMAND_UNITS,
 ) -> Record:
     """Return the signals of a recording.
 
@@ -59,6 +61,8 @@ def read_record(
         Start and end [s]; the whole record if None.
     command_kind
         A key of :data:`COMMAND_UNITS`; that of the recording if None.
+    kinds
+        Kinds of command that may be.
 
     Raises
     ------
@@ -100,7 +104,7 @@ def read_record(
     labels = recording["axis"] if "axis" in held else range(measured.shape[1])
     return Record(
         tuple(str(label) for label in np.asarray(labels)), time, _sample_time(time), measured,
-        acting, reference, _kind(recording, command_kind), limit, waiting,
+        acting, reference, _kind(recording, command_kind, kinds), limit, waiting,
     )  # fmt: skip
 
 
@@ -128,16 +132,15 @@ def _acting(command: NDArray[Any], time: NDArray[Any], delay: float) -> tuple[ND
     return share * later[:n] + (1.0 - share) * later[1 : n + 1], whole + 1
 
 
-def _kind(recording: Recording, given: str | None) -> str:
+def _kind(recording: Recording, given: str | None, kinds: Mapping[str, str]) -> str:
     kind = given if given is not None else recording["command"].attrs.get("kind")
     if kind is None:
         raise RecordingError(
             "the recording does not say what its command is: give command_kind; "
-            + choices("", COMMAND_UNITS)
+            + choices("", kinds)
         )
-    if kind not in COMMAND_UNITS:
+    if kind not in kinds:
         raise RecordingError(
-            f"no mass and friction can be found from a {kind} command; "
-            + choices(kind, COMMAND_UNITS)
+            f"no mass and friction can be found from a {kind} command; " + choices(kind, kinds)
         )
     return str(kind)

@@ -65,6 +65,10 @@ def separate(
 
 
 REASONS = {
+    frozenset({"viscous", "coulomb_forward", "coulomb_backward"}): "it moved at (nearly) one speed",
+    frozenset({"viscous", "coulomb_forward"}): "it moved at (nearly) one velocity",
+    frozenset({"viscous", "coulomb_backward"}): "it moved at (nearly) one velocity",
+    frozenset({"mass", "stiffness"}): "it moved at (nearly) one frequency",
     frozenset({"viscous", "coulomb"}): "it moved at (nearly) one speed",
     frozenset({"coulomb", "disturbance"}): "it moved in one direction",
     frozenset({"viscous", "disturbance"}): "it moved in one direction",

@@ -15,6 +15,8 @@ from contourlab.reports.chattering_figure import chattering_table, write_chatter
 from contourlab.reports.evaluation_page import write_evaluation
 from contourlab.reports.evaluation_table import evaluation_json, evaluation_tables
 from contourlab.reports.figures import write_figures
+from contourlab.reports.identification_page import write_identification_report
+from contourlab.reports.identification_table import identification_json, identification_table
 from contourlab.reports.page import write_report
 from contourlab.reports.reproduction import (
     PaperFigure,
@@ -40,6 +42,8 @@ __all__ = [
     "comparison_table",
     "evaluation_json",
     "evaluation_tables",
+    "identification_json",
+    "identification_table",
     "reproduction_json",
     "reproduction_notes",
     "reproduction_table",
@@ -49,6 +53,7 @@ __all__ = [
     "write_chattering_figure",
     "write_evaluation",
     "write_figures",
+    "write_identification_report",
     "write_paper_figures",
     "write_report",
 ]

@@ -31,7 +31,7 @@ from contourlab.reports.wording import command_limits, result_sentences, table_c
 if TYPE_CHECKING:
     from contourlab.simulation.comparison import Comparison
 
-__all__ = ["write_report"]
+__all__ = ["packed", "script_json", "template", "write_report"]
 
 CURVE_POINTS = 12_000
 DATA_BYTES = 4_000_000
@@ -168,11 +168,13 @@ def _warnings(drawing: Drawing) -> list[tuple[int | None, str, str]]:
 @cache
 def template(name: str) -> str:
     """Return a file of the pages' styles, scripts and text.
+    """Return the text of a template.
 
     Parameters
     ----------
     name
         Of the file.
+        Of its file.
     """
     return (files("contourlab.reports") / "templates" / name).read_text(encoding="utf-8")
 
@@ -339,6 +341,7 @@ def packed(values: Any) -> dict[str, str]:
     ----------
     values
         Of one dimension.
+        Whole or other numbers.
     """
     array = np.asarray(values)
     kind = "i4" if array.dtype.kind in "iu" else "f4"

@@ -1,0 +1,228 @@
+"""``identify`` from recordings to tables and files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from contourlab.errors import ConfigurationError, RecordingError, choices
+from contourlab.identification import (
+    FrequencyModel,
+    FrequencyResponse,
+    Health,
+    MachineIdentification,
+    exciting_motion,
+    fit_frequency_response,
+    frequency_response,
+    identified_machine,
+    identify_machine,
+    is_sweep,
+    track_health,
+)
+from contourlab.recordings import Recording
+from contourlab.reports import (
+    identification_json,
+    identification_table,
+    write_identification_report,
+)
+
+__all__ = ["Identified", "identify_records", "refuse_unknown"]
+
+ANSWERS = ("auto", "yes", "no")
+Read = tuple[Recording, tuple[str, ...], tuple[str, ...]]
+SUGGESTED_TIME = 10.0
+"""Of the motion that is suggested [s]."""
+
+
+def refuse_unknown(name: str, value: str) -> None:
+    """Raise ConfigurationError unless a value is auto, yes or no.
+
+    Parameters
+    ----------
+    name
+        Of the option.
+    value
+        As the user wrote it.
+    """
+    if value not in ANSWERS:
+        raise ConfigurationError(f"{name} must be auto, yes or no; {choices(value, ANSWERS)}")
+
+
+@dataclass(kw_only=True)
+class Identified:
+    """What was found, and what to say of it."""
+
+    found: MachineIdentification | None = None
+    responses: tuple[FrequencyResponse, ...] = ()
+    models: tuple[FrequencyModel, ...] = ()
+    health: Health | None = None
+    warnings: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    def write(
+        self, output: Path | None, report: Path | None, suggest: Path | None, *, force: bool
+    ) -> None:
+        """Write machine file, page and suggested motion.
+
+        Parameters
+        ----------
+        output, report, suggest
+            Where; not written if None.
+        force
+            Whether existing files may be replaced.
+        """
+        from contourlab.scenarios.machine_file import machine_to_toml, write_machine_file
+
+        machine = None
+        if self.found is not None:
+            try:
+                machine = identified_machine(self.found, models=self.models)
+            except RecordingError as error:
+                if output is not None:
+                    raise
+                self.notes.append(f"No machine: {error}")
+        if output is not None:
+            if machine is None:
+                raise RecordingError("nothing was found that makes a machine")
+            write_machine_file(machine, output, overwrite=force)
+        if suggest is not None:
+            self._suggest(suggest, force=force)
+        if report is not None:
+            write_identification_report(
+                self.found, report, responses=self.responses, models=self.models,
+                health=self.health, machine="" if machine is None else machine_to_toml(machine),
+                notes=tuple(self.notes), warnings=tuple(self.warnings), force=force,
+            )  # fmt: skip
+
+    def _suggest(self, file: Path, *, force: bool) -> None:
+        if self.found is None:
+            raise RecordingError("no motion is suggested: the log says nothing of what axes reach")
+        axes = self.found.axes
+        moves = [k for k, axis in enumerate(axes) if axis.speed > 0.0]
+        if not moves:
+            raise RecordingError("no motion is suggested: no axis moves in the log")
+        most = {
+            name: [max(getattr(a, name), 1e-3 * max(getattr(b, name) for b in axes)) for a in axes]
+            for name in ("speed", "acceleration")
+        }
+        stroke = np.ptp(self.found.travel, axis=1)
+        motion = exciting_motion(
+            [axis.axis for axis in axes],
+            stroke=np.maximum(stroke, 1e-3 * stroke.max()), middle=self.found.travel.mean(axis=1),
+            duration=SUGGESTED_TIME, sample_time=self.found.sample_time, **most,
+        )  # fmt: skip
+        motion.to_csv(file, force=force)
+
+    def json(
+        self, output: Path | None, report: Path | None, suggest: Path | None
+    ) -> dict[str, Any]:
+        """Return the body of ``--json``.
+
+        Parameters
+        ----------
+        output, report, suggest
+            Files that were written.
+        """
+        return identification_json(
+            self.found, responses=self.responses, models=self.models, health=self.health,
+            machine=output, report=report, suggestion=suggest, warnings=tuple(self.warnings),
+        )  # fmt: skip
+
+    def show(self) -> None:
+        """Print tables for people."""
+        from rich.console import Console
+
+        console = Console()
+        if self.health is not None:
+            console.print(str(self.health), markup=False, highlight=False)
+        if self.found is not None:
+            console.print(identification_table(self.found))
+        for model in self.models:
+            what = f"axis {model.axis}: {model.model.replace('_', ' ')}, misfit {model.misfit:.2g}"
+            if model.model == "two_mass":
+                what += (
+                    f", measured on the {model.side}, anti-resonance "
+                    f"{model.anti_resonance_hz:.4g} Hz, resonance {model.resonance_hz:.4g} Hz"
+                )
+            console.print(what, markup=False, highlight=False)
+            for name, one in model.parameters.items():
+                console.print(
+                    f"  {name} {one.value:.5g} ({one.low:.5g} to {one.high:.5g}) {one.unit}",
+                    markup=False, highlight=False,
+                )  # fmt: skip
+        for note in [*self.notes, *(self.found.notes if self.found is not None else ())]:
+            console.print(f"note: {note}", markup=False, highlight=False, style="dim")
+
+
+def identify_records(
+    read: Sequence[Read], sources: Sequence[str], options: dict[str, Any], *,
+    window: tuple[float, float] | None, track: float | None, sweep: str, rate: float,
+) -> Identified:  # fmt: skip
+    """Return what recordings say of their machine.
+
+    Parameters
+    ----------
+    read
+        Recording, warnings and notes of every log.
+    sources
+        Their names.
+    options
+        Of ``identify_machine``.
+    window
+        Start and end [s].
+    track
+        Window of one long record [s].
+    sweep
+        Whether the record is a sweep: auto, yes or no.
+    rate
+        Chance of any false alarm.
+    """
+    result = Identified()
+    for (_, warnings, notes), source in zip(read, sources, strict=True):
+        which = f"{source}: " if len(read) > 1 else ""
+        result.warnings += [which + text for text in warnings]
+        result.notes += [which + text for text in notes]
+    recordings = [one[0] for one in read]
+    several = len(recordings) > 1
+    if several and (track is not None or window is not None):
+        raise ConfigurationError("track and window go with one log")
+    if several or track is not None:
+        result.health = track_health(
+            recordings if several else recordings[0],
+            labels=[Path(s).name for s in sources] if several else None,
+            window=track, rate=rate, options=options,
+        )  # fmt: skip
+        result.warnings += [str(change) for change in result.health.changes]
+        last = next((r for r in reversed(result.health.records) if r is not None), None)
+        result.found = last
+        return result
+    one = recordings[0]
+    swept = sweep == "yes"
+    if sweep == "auto":
+        command = np.asarray(one["command"], float)
+        dt = float(np.asarray(one["time"], float)[1] - np.asarray(one["time"], float)[0])
+        swept = any(is_sweep(column, dt) for column in command.T)
+    failed: RecordingError | None = None
+    if swept:
+        result.responses = frequency_response(one, window=window)
+        models = []
+        for response in result.responses:
+            try:
+                models.append(fit_frequency_response(response, confidence=options["confidence"]))
+            except RecordingError as error:
+                result.warnings.append(str(error))
+        result.models = tuple(models)
+    try:
+        result.found = identify_machine(one, window=window, source=sources[0], **options)
+        result.warnings += result.found.warnings
+    except RecordingError as error:
+        failed = error
+    if failed is not None:
+        if not swept:
+            raise failed
+        result.warnings.append(f"beside the frequency response nothing was found: {failed}")
+    return result

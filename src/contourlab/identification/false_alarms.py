@@ -1,0 +1,113 @@
+"""Thresholds of change detection for a false-alarm rate that is stated, by Monte Carlo.
+
+A series of estimates θ_i with standard deviations s_i, found with ν_i degrees of freedom, is
+compared with a baseline, the mean of its first ones. For each later one
+
+    t_i = (θ_i - θ_0) / √(s_i² + s_0²)                                                    (1)
+    S⁺_i = max(0, S⁺_i-1 + t_i - k),    S⁻_i = max(0, S⁻_i-1 - t_i - k)                   (2)
+
+(1) sees a jump at once, (2), a cumulative sum, a drift that no single estimate shows. How large
+either gets without any change has no closed form: the t_i share the baseline, have Student's tails,
+and are looked at many times. So series without a change are drawn, of the very lengths and degrees
+of freedom, and the thresholds are what only a share of α of them exceeds in any parameter at any
+time, split evenly between (1) and (2).
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["SLACK", "Thresholds", "statistics", "thresholds"]
+
+SLACK = 0.5
+"""k of (2)."""
+Rows = NDArray[Any]
+
+
+class Thresholds(NamedTuple):
+    """What the statistics exceed in a share of α of all series without a change."""
+
+    jump: float
+    """Of |t|."""
+    drift: float
+    """Of S⁺ and S⁻."""
+
+
+def statistics(values: Rows, deviations: Rows, n_baseline: int) -> tuple[Rows, Rows, Rows, Rows]:
+    """Return (1), the larger of (2), the baseline and its standard deviation.
+
+    Estimates that are not there (NaN) leave a gap: they are in no baseline, and the sums stand.
+
+    Parameters
+    ----------
+    values, deviations
+        θ and s, shape (..., n_times).
+    n_baseline
+        How many of the first estimates that are there make the baseline.
+
+    Returns
+    -------
+    tuple
+        t and S, shape (..., n_times), NaN for the baseline's own; θ_0 and s_0, shape (...).
+    """
+    there = np.isfinite(values) & np.isfinite(deviations) & (deviations > 0.0)
+    base = there & (np.cumsum(there, axis=-1) <= n_baseline)
+    with np.errstate(all="ignore"):
+        weight = np.where(base, 1.0 / np.where(there, deviations, 1.0) ** 2, 0.0)
+        total = weight.sum(axis=-1)
+        mean = (weight * np.where(base, values, 0.0)).sum(axis=-1) / total
+        spread = 1.0 / np.sqrt(total)
+        t = (values - mean[..., None]) / np.sqrt(deviations**2 + spread[..., None] ** 2)
+    t = np.where(there & ~base, t, np.nan)
+    up = np.zeros(values.shape[:-1])
+    down = np.zeros(values.shape[:-1])
+    sums = np.full(values.shape, np.nan)
+    for k in range(values.shape[-1]):
+        now = t[..., k]
+        seen = np.isfinite(now)
+        change = np.where(seen, now, 0.0)
+        up = np.where(seen, np.maximum(0.0, up + change - SLACK), up)
+        down = np.where(seen, np.maximum(0.0, down - change - SLACK), down)
+        sums[..., k] = np.where(seen, np.maximum(up, down), np.nan)
+    return t, sums, mean, spread
+
+
+def thresholds(
+    there: Rows, degrees: Rows, n_baseline: int, *, rate: float, draws: int = 4000, seed: int = 0
+) -> Thresholds:
+    """Return the thresholds for a rate of false alarms over all series together.
+
+    Parameters
+    ----------
+    there
+        Which estimates are there, shape (n_series, n_times).
+    degrees
+        Degrees of freedom of their standard deviations, likewise.
+    n_baseline
+        As for :func:`statistics`.
+    rate
+        α, share of all series without a change in which there is any alarm, 0 < α < 1.
+    draws
+        How often.
+    seed
+        Of the draws.
+    """
+    if not np.any(there.sum(axis=1) > n_baseline):
+        return Thresholds(np.inf, np.inf)
+    random = np.random.default_rng(seed)
+    jumps, drifts = np.zeros(draws), np.zeros(draws)
+    block = max(1, int(2_000_000 / max(there.size, 1)))
+    nu = np.maximum(degrees, 1.0)
+    for begin in range(0, draws, block):
+        n = min(block, draws - begin)
+        shape = (n, *there.shape)
+        values = np.where(there, random.standard_normal(shape), np.nan)
+        spread = np.sqrt(random.chisquare(np.broadcast_to(nu, shape)) / nu)
+        t, sums, _, _ = statistics(values, np.where(there, spread, np.nan), n_baseline)
+        jumps[begin : begin + n] = np.nanmax(np.abs(np.nan_to_num(t)), axis=(1, 2))
+        drifts[begin : begin + n] = np.nanmax(np.nan_to_num(sums), axis=(1, 2))
+    share = 1.0 - 0.5 * rate
+    return Thresholds(float(np.quantile(jumps, share)), float(np.quantile(drifts, share)))

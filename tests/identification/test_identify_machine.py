@@ -1,0 +1,225 @@
+"""Every published machine is found from its own log, and what a motion does not tell is said."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import contourlab as cl
+from contourlab.controllers import FilteredLeastSquares
+from contourlab.errors import ConfigurationError, RecordingError
+from contourlab.identification import identify_machine
+
+from .loops import TRUE, motions, of_velocity, recording, run
+from .loops import T as STEP
+from .machines import log_of, varied_reference, with_sensor
+
+PUBLISHED = cl.machines.published
+GANTRY_SIGN = FilteredLeastSquares(
+    cutoff_hz=150.0, friction_shape="arctan", friction_velocity=1.0 / 9000.0
+)
+
+
+def tracked(machine, size, sample_time, bandwidth, seed=3, **motion):
+    law = cl.controllers.AxisPid.by_pole_placement(machine.nominal, bandwidth_hz=bandwidth)
+    return cl.simulate(machine, law, varied_reference(size, sample_time, **motion), seed=seed)
+
+
+CASES = {
+    "meng_xy_stage": (
+        with_sensor(PUBLISHED.meng_xy_stage(), 1e-6, 0.5e-6), (0.012, 0.009), 1e-3, 60.0, {}, {},
+        (0.12, 0.07), (0.11, 0.06),
+    ),
+    "meng_emulated_stage": (
+        with_sensor(PUBLISHED.meng_emulated_stage(), 1e-6, 0.5e-6), (0.012, 0.009), 1e-3, 60.0, {},
+        {"known": {"drive_lag": 1.46e-3}}, (0.96 * 0.12, 0.96 * 0.07), (0.96 * 0.11, 0.96 * 0.06),
+    ),
+    "el_khalick_feed_drive": (
+        with_sensor(PUBLISHED.el_khalick_feed_drive(), 1e-6, 1e-6), (0.006, 0.004), 5e-3, 4.0, {},
+        {}, (0.1, 0.1), (0.1, 0.1),
+    ),
+    "ghaffari_two_axes": (
+        with_sensor(PUBLISHED.ghaffari_two_axes(), 1e-6, 0.5e-6), (0.02, 0.015), 1e-3, 10.0, {},
+        {}, (0.0, 0.0), (0.0, 0.0),
+    ),
+    "hu_gantry": (
+        with_sensor(PUBLISHED.hu_gantry(), 0.5e-6, 0.3e-6), (0.15, 0.1), 2e-4, 20.0,
+        {"middle": (0.0, 0.15), "duration": 3.0}, {"law": GANTRY_SIGN}, (0.1, 0.13), (0.1, 0.13),
+    ),
+    "cao_zhang_stage": (
+        with_sensor(PUBLISHED.cao_zhang_stage(), 10e-9, 20e-9), (0.02, 0.015), 1e-3, 10.0, {}, {},
+        (0.0, 0.0), (0.0, 0.0),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_published_machine_is_found_from_its_own_log(name):
+    machine, size, step, bandwidth, motion, options, ahead, back = CASES[name]
+    found = identify_machine(tracked(machine, size, step, bandwidth, **motion), **options)
+    nominal = machine.nominal
+    gain = np.asarray(nominal.gain)
+    truth = {"mass": nominal.mass / gain, "viscous": nominal.viscous / gain}
+    if name == "meng_emulated_stage":  # laws are told other numbers than the truth
+        top, share = np.array((16.23, 17.58)), np.array((0.966, 0.951))
+        truth["viscous"] = share * np.array((798.5, 862.75)) / top
+    if nominal.stiffness is not None:
+        truth["stiffness"] = nominal.stiffness / gain
+    truth |= {"coulomb_forward": ahead, "coulomb_backward": back}
+    for k, axis in enumerate(found.axes):
+        assert axis.method == "simulation error"
+        # the drive's lag is a mean over quarters of a sample there, and exact here
+        slack = 3.0 if name == "meng_emulated_stage" else 1.5
+        for parameter, values in truth.items():
+            one, true = axis[parameter], float(np.asarray(values)[k])
+            half = 0.5 * (one.high - one.low)
+            # one log: 95 of 100 intervals hold the truth, nearly all of half their width more do
+            assert abs(one.value - true) < slack * half, (parameter, one, true)
+        assert axis["mass"].high - axis["mass"].low < 0.02 * axis["mass"].value
+        assert axis.residual_rms < 1.3 * axis.encoder_noise
+
+
+@pytest.fixture(scope="module")
+def delayed_stage():
+    machine = cl.machines.linear_motor_stage(encoder=1e-6, computing_delay=1.3e-3)
+    return tracked(machine, (0.08, 0.05), 1e-3, 20.0)
+
+
+def test_the_delay_is_found_with_the_rest(delayed_stage):
+    found = identify_machine(delayed_stage)
+    assert found.warnings == ()
+    for axis, mass, viscous in zip(found.axes, (5.0, 3.0), (25.0, 18.0), strict=True):
+        assert_allclose(axis["mass"].value, mass, rtol=1e-5)
+        assert_allclose(axis["viscous"].value, viscous, rtol=1e-4)
+        assert_allclose(axis["delay"].value, 1.3e-3, atol=2e-6)
+        assert not axis["stiffness"].identified
+
+
+def test_a_delay_that_is_given_is_not_looked_for(delayed_stage):
+    found = identify_machine(delayed_stage, known={"delay": 1.3e-3})
+    for axis, mass in zip(found.axes, (5.0, 3.0), strict=True):
+        assert axis["delay"].known
+        assert "delay" not in axis.free
+        assert_allclose(axis["mass"].value, mass, rtol=1e-5)
+
+
+def test_counts_bias_plain_least_squares_and_not_this():
+    """M̂/M = S / (S + σ²) of least squares: 0.35 % here; refined it is not seen."""
+    position, *_ = motion = motions()
+    measured, command = run(motion, noise=1e-6, resolution=1e-6, seed=4)
+    found = identify_machine(recording(measured[0], command[0], position))
+    plain = cl.identification.identify(
+        recording(measured[0], command[0], position), instrument="none"
+    )
+    for k, axis in enumerate(found.axes):
+        true, bias = TRUE[0, k], axis.noise_ratio - 1.0
+        assert bias < -1e-3
+        assert_allclose(plain.axes[k]["mass"].value / true - 1.0, bias, rtol=0.2)
+        assert abs(axis["mass"].value / true - 1.0) < 0.01 * abs(bias)
+
+
+def test_without_a_reference_white_noise_does_no_harm():
+    measured, command = run(motions(), noise=1e-6, seed=5)
+    found = identify_machine(recording(measured[0], command[0]))
+    assert found.instrument == "none"
+    for k, axis in enumerate(found.axes):
+        assert_allclose(axis["mass"].value, TRUE[0, k], rtol=5e-5)
+        assert_allclose(axis.coulomb, TRUE[2, k], rtol=5e-4)
+        assert_allclose(axis.constant_force, TRUE[3, k], atol=2e-3)
+
+
+def moved(velocity):
+    motion = of_velocity(np.stack(velocity, axis=1))
+    measured, command = run(motion, noise=1e-6)
+    return recording(measured[0], command[0], motion[0])
+
+
+TIME = np.arange(6001) * STEP
+
+
+def test_what_a_motion_does_not_tell_has_no_value():
+    one_way = identify_machine(
+        moved((0.1 + 0.05 * np.sin(8 * TIME), 0.2 * np.cos(5 * TIME) + 0.1 * np.cos(13 * TIME)))
+    )
+    x, y = one_way.axes
+    assert x.unexcited == ("coulomb_backward",)
+    assert not x["coulomb_backward"].identified
+    assert_allclose(x["mass"].value, 5.0, rtol=1e-3)
+    assert_allclose(x["coulomb_forward"].value, 4.0, rtol=2e-2)  # A - d = 6 - 2
+    assert any("axis X: coulomb_backward was not found" in s for s in one_way.warnings)
+    assert y.unexcited == ()
+    steady = identify_machine(
+        moved((np.full_like(TIME, 0.1), 0.2 * np.cos(5 * TIME) + 0.1 * np.cos(13 * TIME)))
+    )
+    assert not steady["X"]["mass"].identified
+    assert any("axis X: mass was not found" in s for s in steady.warnings)
+    there = np.sign(np.sin(2 * TIME + 0.1))
+    speed = identify_machine(moved((0.1 * there, 0.2 * np.cos(5 * TIME))))
+    assert not speed["X"]["viscous"].identified
+    resting = identify_machine(moved((0.0 * TIME, 0.2 * np.cos(5 * TIME))))
+    assert resting["X"].method == "none"
+    assert any("axis X: it never moved faster" in s for s in resting.warnings)
+
+
+def test_a_position_loop_is_a_mass_on_a_spring():
+    """q + 2 ζ q'/ω + q''/ω² = u: what a log of commanded and actual positions tells."""
+    omega, zeta, step = np.array([60.0, 45.0]), 0.8, 1e-3
+    machine = cl.machines.Machine(
+        names=("X", "Y"),
+        dynamics=cl.machines.TransferFunctionAxes(
+            numerators=((1.0,), (1.0,)),
+            denominators=tuple((1 / w**2, 2 * zeta / w, 1.0) for w in omega),
+        ),
+        drive=cl.machines.Drive(command="position", computing_delay=2.4e-3),
+        sensor=cl.machines.Encoder(noise=0.3e-6),
+    )
+    from .machines import open_loop
+
+    wanted = np.asarray(varied_reference((0.05, 0.04), step).position)
+    wanted = wanted - wanted[0]
+    measured = open_loop(machine, wanted, step, seed=2)
+    found = identify_machine(log_of(measured, wanted, step, "position"), condition_limit=100.0)
+    for axis, w in zip(found.axes, omega, strict=True):
+        assert_allclose(axis["mass"].value, 1 / w**2, rtol=1e-3)
+        assert_allclose(axis["viscous"].value, 2 * zeta / w, rtol=1e-3)
+        assert_allclose(axis["stiffness"].value, 1.0, rtol=1e-5)
+        assert_allclose(axis["delay"].value, 2.4e-3, atol=1e-5)
+
+
+def test_forces_that_nobody_knows_of_widen_the_intervals():
+    calm, rough = (
+        identify_machine(recording(measured[0], command[0], motions()[0]))
+        for measured, command in (
+            run(motions(), noise=1e-6, seed=7),
+            run(motions(), noise=1e-6, force=2.0, time=0.03, seed=7),
+        )
+    )
+    for k in range(2):
+        narrow, wide = (f.axes[k]["mass"] for f in (calm, rough))
+        assert wide.high - wide.low > 100 * (narrow.high - narrow.low)
+        assert rough.axes[k].corner_hz > 10.0
+        assert calm.axes[k].corner_hz < 2.0
+    assert any("misses the measured one" in s for s in rough.warnings)
+
+
+def test_options_are_refused_that_say_nothing(delayed_stage):
+    for options, text in (
+        ({"instrument": "guess"}, "unknown instrument"),
+        ({"confidence": 1.0}, "confidence must be > 0 and < 1"),
+        ({"condition_limit": 1.0}, "condition_limit must be > 1"),
+        ({"minimum_speed": 0.0}, "minimum_speed must be > 0"),
+        ({"piece_time": -1.0}, "piece_time must be > 0"),
+        ({"known": {"weight": 1.0}}, "known has no parameter 'weight'"),
+        ({"known": {"mass": np.nan}}, "known mass must be finite"),
+    ):
+        with pytest.raises(ConfigurationError, match=text):
+            identify_machine(delayed_stage, **options)
+    bare = cl.Recording(delayed_stage.dataset.drop_vars("reference"))
+    with pytest.raises(RecordingError, match="no reference to be an instrument"):
+        identify_machine(bare, instrument="reference")
+
+
+def test_more_confidence_is_a_wider_interval(delayed_stage):
+    some = identify_machine(delayed_stage, confidence=0.8)["X"]["mass"]
+    more = identify_machine(delayed_stage, confidence=0.99)["X"]["mass"]
+    assert more.low < some.low < some.high < more.high
+    assert_allclose(some.value, more.value, rtol=1e-9)
