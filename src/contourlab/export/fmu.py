@@ -1,0 +1,225 @@
+"""Target ``fmu``: an exported law as a functional mock-up unit for co-simulation.
+
+FMI 3.0 or FMI 2.0, compiled for this platform, with its sources. Every number of the law is a
+variable: inputs, outputs and telemetry, and gains as tunable parameters. One communication step is
+one sample of the law: it takes the inputs of the step's start and gives the command that acts until
+its end. A step of another length is an error, and so is a command that is not finite.
+
+The numbers are those of the same C called in any other way: the law's functions are hidden inside
+the library and bound to each other (a function of the C library that happens to have the same name
+would else be called in its place), and compiled without fused multiply-adds.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import sys
+import tempfile
+import xml.sax.saxutils
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import contourlab
+from contourlab.errors import ConfigurationError, OutputError, RefusedError
+from contourlab.export.fmu_functions import MISSING_IN_FMI2, MISSING_IN_FMI3
+from contourlab.export.fmu_variables import ranges_of, variables_of
+from contourlab.export.generate import GeneratedC
+from contourlab.export.shared_library import compile_library
+from contourlab.export.templating import render
+from contourlab.recordings.files import atomic_file
+
+__all__ = ["FMI_VERSIONS", "fmu_files", "write_fmu"]
+
+FMI_VERSIONS = (2, 3)
+TOOL = 'generationTool="contourlab '
+
+
+def fmu_files(generated: GeneratedC, n_axes: int, fmi: int = 3) -> dict[str, str]:
+    """Return the text files of a functional mock-up unit, by their place in the archive.
+
+    Parameters
+    ----------
+    generated
+        The exported law.
+    n_axes
+        Number of axes.
+    fmi
+        2 or 3.
+
+    Raises
+    ------
+    ConfigurationError
+        Another version.
+    """
+    if fmi not in FMI_VERSIONS:
+        raise ConfigurationError(f"fmi must be 2 or 3, got {fmi!r}")
+    prefix = generated.prefix
+    ranges = ranges_of(generated)
+    variables = list(variables_of(generated, ranges))
+    compiled = [f"{prefix}.c", f"{prefix}_fmi{fmi}.c"]
+    time = next((field.name for field in generated.inputs if field.path == "time"), "")
+    inputs_kind = 'causality="input" variability="discrete"'
+    values: dict[str, Any] = {
+        "P": prefix,
+        "n": n_axes,
+        "version": contourlab.__version__,
+        "description": f"{generated.law}, sampled every {generated.sample_time:.17g} s",
+        "sample_time": f"{generated.sample_time:.17g}",
+        "time_field": time,
+        "ranges": ranges,
+        "compiled": compiled,
+        "variables": [_escaped(variable) for variable in variables],
+        "units": sorted({_quoted(v.unit) for v in variables if v.unit and not v.whole}),
+        "kinds": {
+            "inputs": inputs_kind,
+            "outputs": 'causality="output" variability="discrete" initial="exact"',
+            "parameters": 'causality="parameter" variability="tunable"',
+        },
+        "missing2": MISSING_IN_FMI2,
+        "missing3": MISSING_IN_FMI3,
+        "token": "",
+    }
+    described = f"modelDescription{fmi}.xml.j2"
+    names = "".join(render(f"fmu/{described}", values))
+    digest = hashlib.sha256((generated.header + generated.source + names).encode()).hexdigest()
+    values["token"] = "{" + "-".join(digest[a:b] for a, b in _GUID) + "}"
+    files = {
+        "modelDescription.xml": render(f"fmu/{described}", values),
+        f"sources/{prefix}.h": generated.header,
+        f"sources/{prefix}.c": generated.source,
+        f"sources/{prefix}_instance.h": render("fmu/instance.h.j2", values),
+        f"sources/{prefix}_fmi{fmi}.c": render(f"fmu/fmi{fmi}.c.j2", values),
+    }
+    if fmi == 3:
+        files["sources/buildDescription.xml"] = render("fmu/buildDescription.xml.j2", values)
+    return files
+
+
+_GUID = ((0, 8), (8, 12), (12, 16), (16, 20), (20, 32))
+
+
+def write_fmu(
+    generated: GeneratedC,
+    n_axes: int,
+    file: str | Path,
+    *,
+    fmi: int = 3,
+    force: bool = False,
+) -> tuple[str, ...]:
+    """Write a functional mock-up unit, atomically, and return the names inside it.
+
+    Parameters
+    ----------
+    generated
+        The exported law.
+    n_axes
+        Number of axes.
+    file
+        Where, usually ``.fmu``.
+    fmi
+        2 or 3.
+    force
+        Whether a unit that contourlab made may be replaced; nothing else is.
+
+    Raises
+    ------
+    OutputError
+        The file exists already, or is not one of ours.
+    ExportError
+        There is no C compiler, or it refuses.
+    """
+    target = Path(file)
+    if target.exists() and force and not _is_ours(target):
+        raise OutputError(
+            f"{target} was not made by contourlab export --target fmu; it stays as it is, "
+            "choose another name"
+        )
+    with atomic_file(target, force=force) as temporary, tempfile.TemporaryDirectory() as folder:
+        files = fmu_files(generated, n_axes, fmi)
+        for name, text in files.items():
+            place = Path(folder) / name
+            place.parent.mkdir(parents=True, exist_ok=True)
+            place.write_text(text)
+        prefix = generated.prefix
+        sources = [Path(folder) / f"sources/{prefix}{end}.c" for end in ("", f"_fmi{fmi}")]
+        binary, inside = binary_place(prefix, fmi)
+        library = compile_library(
+            sources,
+            Path(folder) / binary,
+            flags=("-fvisibility=hidden", *(() if sys.platform == "darwin" else _BOUND)),
+        )
+        with zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name, text in sorted(files.items()):
+                archive.writestr(zipfile.ZipInfo(name, _EPOCH), text, zipfile.ZIP_DEFLATED)
+            archive.writestr(
+                zipfile.ZipInfo(inside, _EPOCH), library.read_bytes(), zipfile.ZIP_DEFLATED
+            )
+    return (*sorted(files), inside)
+
+
+_BOUND = ("-Wl,-Bsymbolic",)
+_EPOCH = (2000, 1, 1, 0, 0, 0)
+"""One time for all files: the same law gives the same archive."""
+
+
+def binary_place(prefix: str, fmi: int) -> tuple[str, str]:
+    """Return the library's file name, and its place in the archive, on this platform.
+
+    Parameters
+    ----------
+    prefix
+        Of the law.
+    fmi
+        2 or 3.
+
+    Raises
+    ------
+    RefusedError
+        A platform that the standard has no name for.
+    """
+    systems = {
+        "linux": ("linux", ".so"),
+        "darwin": ("darwin", ".dylib"),
+        "win32": ("windows", ".dll"),
+    }
+    machines = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
+    machine = machines.get(platform.machine().lower())
+    if sys.platform not in systems or machine is None:
+        raise RefusedError(
+            f"FMI has no name for the platform {sys.platform} on {platform.machine()}"
+        )
+    system, ending = systems[sys.platform]
+    folder = f"{machine}-{system}"
+    if fmi == 2:
+        if machine != "x86_64":
+            raise RefusedError(
+                f"FMI 2.0 has no name for binaries on {platform.machine()}: take --fmi 3"
+            )
+        folder = {"linux": "linux64", "darwin": "darwin64", "windows": "win64"}[system]
+    return f"{prefix}{ending}", f"binaries/{folder}/{prefix}{ending}"
+
+
+def _is_ours(file: Path) -> bool:
+    try:
+        with zipfile.ZipFile(file) as archive:
+            return TOOL.encode() in archive.read("modelDescription.xml")
+    except (OSError, KeyError, zipfile.BadZipFile):
+        return False
+
+
+def _quoted(text: str) -> str:
+    return xml.sax.saxutils.escape(text, {'"': "&quot;"})
+
+
+def _escaped(variable: Any) -> dict[str, Any]:
+    return {
+        "reference": variable.reference,
+        "name": _quoted(variable.name),
+        "group": variable.group,
+        "whole": variable.whole,
+        "unit": _quoted(variable.unit),
+        "start": variable.start,
+        "description": _quoted(variable.description),
+    }
