@@ -15,6 +15,7 @@ import os
 import shlex
 import shutil
 import subprocess
+import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -96,7 +97,7 @@ def run_private(
     modules
         Compiled components that are to be found beside LinuxCNC's own.
     folder
-        Working folder; the session's files are put into its ``session`` folder.
+        Working folder of the program.
     timeout
         After so long everything in the session is killed [s].
     environment
@@ -112,14 +113,39 @@ def run_private(
     missing = missing_linuxcnc()
     if missing:
         raise RefusedError(f"no LinuxCNC session can be had: {missing}")
-    session = folder / "session"
+    with tempfile.TemporaryDirectory(prefix="hal", ignore_cleanup_errors=True) as name:
+        session = Path(name)  # short, and open to all: a socket of another user's lies there
+        session.chmod(0o1777)
+        inside, variables = _prepared(session, command, modules)
+        try:
+            return subprocess.run(
+                [*_namespaces(), "sh", "-c", inside],
+                cwd=folder,
+                env={**variables, **(environment or {})},
+                capture_output=True,
+                text=True,
+                timeout=timeout,
+                check=False,
+            )
+        except subprocess.TimeoutExpired as error:
+            said = "".join(
+                part.decode(errors="replace") if isinstance(part, bytes) else (part or "")
+                for part in (error.stdout, error.stderr)
+            )
+            raise LinuxcncError(
+                f"{shlex.join(map(str, command))} took longer than {timeout:g} s:\n{said[-4000:]}"
+            ) from error
+
+
+def _prepared(
+    session: Path, command: Sequence[str], modules: Sequence[Path]
+) -> tuple[str, dict[str, str]]:
+    """Return the shell command that starts the session's program, and its environment."""
     own = session / "modules"
-    shutil.rmtree(session, ignore_errors=True)
     shutil.copytree(LINUXCNC_MODULES, own, symlinks=True)
     for module in modules:
         shutil.copy(module, own / module.name)
-    session.chmod(0o1777)
-    starter = session / "linuxcnc"
+    starter = session / "linuxcnc"  # LinuxCNC's start script, with a lock file of its own
     text = Path(str(shutil.which("linuxcnc"))).read_text()
     starter.write_text(text.replace("/tmp/linuxcnc.lock", str(session / "linuxcnc.lock")))
     starter.chmod(0o755)
@@ -127,32 +153,14 @@ def run_private(
         **os.environ,
         "RTAPI_FIFO_PATH": str(session / "rtapi_fifo"),
         "PATH": f"{session}{os.pathsep}{os.environ['PATH']}",
-        **(environment or {}),
     }
-    if os.geteuid() == 0:
-        variables["RTAPI_UID"] = str(NOBODY)
-    program = shlex.join([str(word) for word in command])
+    program = shlex.join(map(str, command))
     inside = f"mount --bind {shlex.quote(str(own))} {LINUXCNC_MODULES} && "
     if os.geteuid() == 0:
-        inside += f"exec {program}"
-    else:  # back to who we were: LinuxCNC refuses to be root
-        inside += f"exec unshare --user --map-user={os.geteuid()} -- {program}"
-    try:
-        return subprocess.run(
-            [*_namespaces(), "sh", "-c", inside],
-            cwd=folder,
-            env=variables,
-            capture_output=True,
-            text=True,
-            timeout=timeout,
-            check=False,
-        )
-    except subprocess.TimeoutExpired as error:
-        said = "".join(
-            part.decode(errors="replace") if isinstance(part, bytes) else (part or "")
-            for part in (error.stdout, error.stderr)
-        )
-        raise LinuxcncError(f"{program} took longer than {timeout:g} s:\n{said[-4000:]}") from error
+        variables["RTAPI_UID"] = str(NOBODY)
+        return f"{inside}exec {program}", variables
+    # back to who we were: LinuxCNC refuses to be root
+    return f"{inside}exec unshare --user --map-user={os.geteuid()} -- {program}", variables
 
 
 def _namespaces() -> list[str]:

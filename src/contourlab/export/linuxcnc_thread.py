@@ -52,7 +52,7 @@ def run_in_servo_thread(
         As :meth:`ServoLayer.inputs` makes them; the first row must be disabled, since the thread
         may run some cycles on it. The thread's period is that of the first row.
     folder
-        Working folder; the session's processes must be able to write there.
+        Working folder.
     settings
         HAL parameters to set, by name under the component.
     timeout
@@ -100,7 +100,6 @@ def run_in_servo_thread(
         f"loadusr -w {stream}",
     ]  # fmt: skip
     hal.write_text("\n".join(lines) + "\n")
-    folder.chmod(0o1777)  # the session may run as another user
     run = run_private(["halrun", "-f", str(hal)], modules=[module], folder=folder, timeout=timeout)
     if not file_out.is_file():  # halrun exits with 0 whatever happened
         raise LinuxcncError(f"no rows came back from the servo thread:\n{run.stdout}{run.stderr}")
