@@ -18,7 +18,9 @@ GPL = LinuxcncOptions(license="GPL", following_error_limit=5e-3)
 
 
 def layer(folder, *, preview=0, command="force", **settings):
-    made = ServoLayer(probe(preview=preview), facts(command=command, preview=preview), GPL, folder)
+    made = ServoLayer.made(
+        probe(preview=preview), facts(command=command, preview=preview), GPL, folder
+    )
     for name, value in settings.items():
         made.settings[name] = value
     return made
@@ -302,7 +304,7 @@ def test_a_position_command_holds_when_it_stops(tmp_path):
 
 
 def test_single_precision(tmp_path):
-    servo = ServoLayer(probe(precision="single"), facts(), GPL, tmp_path)
+    servo = ServoLayer.made(probe(precision="single"), facts(), GPL, tmp_path)
     rows, _, _ = circle(servo)
     out = servo.run(rows)
     given = out["law_inputs"]
@@ -313,7 +315,7 @@ def test_single_precision(tmp_path):
 
 
 def test_three_axes(tmp_path):
-    servo = ServoLayer(probe(3), facts(3), GPL, tmp_path)
+    servo = ServoLayer.made(probe(3), facts(3), GPL, tmp_path)
     rows = servo.inputs(20, T)
     rows["enable"] = 1
     direction = np.array([2.0, -1.0, 2.0]) / 3.0

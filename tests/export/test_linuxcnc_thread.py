@@ -102,7 +102,7 @@ def run(request, controllers, tmp_path_factory):
     controller = controllers[request.param]
     bound, generated = law_and_code(controller, request.param)
     folder = tmp_path_factory.mktemp(request.param)
-    servo = ServoLayer(
+    servo = ServoLayer.made(
         generated, LawFacts.of(controller, bound), LinuxcncOptions(license="GPL"), folder
     )
     rows = motion(servo, 2)
@@ -144,7 +144,7 @@ def test_and_those_of_jax(run):
 def component(tmp_path_factory):
     """The law written by hand, built, and on the desk."""
     folder = tmp_path_factory.mktemp("component")
-    servo = ServoLayer(probe(), facts(), LinuxcncOptions(license="GPL"), folder)
+    servo = ServoLayer.made(probe(), facts(), LinuxcncOptions(license="GPL"), folder)
     return servo, build_component(folder / "probe.comp"), folder
 
 

@@ -19,6 +19,7 @@ import typer
 import contourlab
 from contourlab.cli.identify import identify
 from contourlab.errors import ContourlabError
+from contourlab.errors import ConfigurationError, ContourlabError
 
 __all__ = ["app", "main"]
 
@@ -438,7 +439,13 @@ def export(
         str | None,
         typer.Option(help="On which machine, if there are several.", show_default=False),
     ] = None,
-    target: Annotated[str, typer.Option(help="c: C99 with golden data and a Makefile.")] = "c",
+    target: Annotated[
+        str,
+        typer.Option(
+            help="c: C99 with golden data and a Makefile; linuxcnc: a HAL component; fmu: a "
+            "functional mock-up unit."
+        ),
+    ] = "c",
     precision: Annotated[str, typer.Option(help="Of reals: double or single.")] = "double",
     prefix: Annotated[
         str | None,
@@ -447,6 +454,36 @@ def export(
     steps: Annotated[
         int, typer.Option(min=1, help="Of the loop that are kept as golden data, at most.")
     ] = 2000,
+    license_line: Annotated[
+        str | None,
+        typer.Option(
+            "--license", help="linuxcnc: licence of the component, such as GPL.",
+            show_default=False,
+        ),
+    ] = None,
+    joints: Annotated[
+        str | None,
+        typer.Option(help="linuxcnc: joint of each axis, such as 0,1.", show_default=False),
+    ] = None,
+    length_unit: Annotated[
+        str | None, typer.Option(help="linuxcnc: LINEAR_UNITS, mm or inch.", show_default=False)
+    ] = None,
+    command_limit: Annotated[
+        str | None,
+        typer.Option(
+            help="linuxcnc: limit of the commands, one number or one per axis, in SI.",
+            show_default=False,
+        ),
+    ] = None,
+    following_error_limit: Annotated[
+        str | None,
+        typer.Option(
+            help='linuxcnc: following error that trips, such as "1 mm".', show_default=False
+        ),
+    ] = None,
+    fmi: Annotated[
+        int | None, typer.Option(help="fmu: version of the standard, 2 or 3.", show_default=False)
+    ] = None,
     as_json: AsJson = False,
     force: Force = False,
 ) -> None:
@@ -454,11 +491,25 @@ def export(
     from contourlab.export import export as write
     from contourlab.export.c_target import parity_json
     from contourlab.scenarios import read_scenario
+    from contourlab.units import parse_quantity
 
     _prepare()
+    given: dict[str, Any] = {
+        "license": license_line,
+        "joints": None if joints is None else _numbers("--joints", joints, int),
+        "length_unit": length_unit,
+        "command_limit": None if command_limit is None else _numbers(
+            "--command-limit", command_limit, float
+        ),
+        "following_error_limit": None if following_error_limit is None else parse_quantity(
+            following_error_limit, "length", "--following-error-limit"
+        ),
+        "fmi": fmi,
+    }  # fmt: skip
     result = write(
         read_scenario(scenario), controller=controller, machine=machine, output=output,
         target=target, precision=precision, prefix=prefix, force=force, steps=steps,
+        **{name: value for name, value in given.items() if value is not None},
     )  # fmt: skip
     if as_json:
         parity = None if result.parity is None else parity_json(result.parity)
@@ -471,11 +522,20 @@ def export(
         typer.echo(f"written: {result.output / name if result.output.is_dir() else name}")
     if result.parity is not None:
         typer.echo(
-            f"{result.parity.steps} steps replayed: {result.parity.relative:.3g} of the peak command "
-            f"at the most (bound {result.parity.bound.relative:.3g})"
+            f"{result.parity.steps} steps replayed: {result.parity.relative:.3g} of the peak "
+            f"command at the most (bound {result.parity.bound.relative:.3g})"
         )
     _say(result.warnings)
 app.command()(identify)
+
+
+def _numbers(option: str, text: str, kind: Any) -> Any:
+    """Return numbers with commas; one alone as a number."""
+    try:
+        found = [kind(word) for word in text.split(",")]
+    except ValueError:
+        raise ConfigurationError(f"{option} must be numbers with commas, got {text!r}") from None
+    return found[0] if len(found) == 1 and kind is float else found
 
 
 def _prepare() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
+import inspect
 import re
 import tempfile
 from pathlib import Path
@@ -28,9 +29,13 @@ __all__ = ["GOLDEN_STEPS", "TARGETS", "ExportResult", "export"]
 GOLDEN_STEPS = 2000
 """Steps of the loop that are kept as golden data, at the most."""
 
-TARGETS: dict[str, str] = {"c": ""}
-"""Targets beside plain C, and the module that writes each: its function ``write`` takes what
-:func:`write_c` takes, and options of its own."""
+TARGETS: dict[str, str] = {
+    "c": "",
+    "linuxcnc": "contourlab.export.linuxcnc_target",
+    "fmu": "contourlab.export.fmu",
+}
+"""Targets, and the module that writes each beside plain C. Its function ``write`` takes what
+:func:`write_c` takes, and options of its own; ``refuse`` says before what is wrong with them."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -138,6 +143,9 @@ def export(
                 f"target {target} has no option {sorted(options)[0]!r}; it has none"
             )
         refuse_folder(output, force=force)
+    else:
+        _refuse_options(target, options)
+        importlib.import_module(TARGETS[target]).refuse(output, force=force, **options)
     loop = record_loop(stage, law, motion, steps=steps, **extra)
     generated = generate(
         loop.law, loop.first(), sample_time=loop.sample_time, prefix=prefix, precision=precision
@@ -150,6 +158,18 @@ def export(
         with new_folder(output, force=force) as folder:
             files = write_c(generated, loop, folder, parity)
     return ExportResult(target, output, tuple(files), generated, parity)
+
+
+def _refuse_options(target: str, options: dict[str, Any]) -> None:
+    known = inspect.signature(importlib.import_module(TARGETS[target]).refuse).parameters
+    if any(one.kind is inspect.Parameter.VAR_KEYWORD for one in known.values()):
+        return  # the target says itself
+    for name in options:
+        if name not in known or name in ("output", "force"):
+            raise ConfigurationError(
+                f"target {target} has no option {name!r}; "
+                f"{choices(name, sorted(set(known) - {'output', 'force'}))}"
+            )
 
 
 def measured_parity(generated: GeneratedC, loop: RecordedLoop) -> Parity | None:

@@ -26,35 +26,28 @@ from contourlab.errors import ConfigurationError, OutputError, RefusedError
 from contourlab.export.fmu_functions import MISSING_IN_FMI2, MISSING_IN_FMI3
 from contourlab.export.fmu_variables import ranges_of, variables_of
 from contourlab.export.generate import GeneratedC
+from contourlab.export.golden import RecordedLoop
+from contourlab.export.parity import Parity
 from contourlab.export.shared_library import compile_library
 from contourlab.export.templating import render
-from contourlab.recordings.files import atomic_file
+from contourlab.recordings.files import atomic_file, refuse_existing
 
-__all__ = ["FMI_VERSIONS", "fmu_files", "write_fmu"]
+__all__ = ["FMI_VERSIONS", "fmu_files", "refuse", "write", "write_fmu"]
 
 FMI_VERSIONS = (2, 3)
 TOOL = 'generationTool="contourlab '
 
 
-def fmu_files(generated: GeneratedC, n_axes: int, fmi: int = 3) -> dict[str, str]:
+def fmu_files(generated: GeneratedC, fmi: int = 3) -> dict[str, str]:
     """Return the text files of a functional mock-up unit, by their place in the archive.
 
     Parameters
     ----------
     generated
         The exported law.
-    n_axes
-        Number of axes.
     fmi
         2 or 3.
-
-    Raises
-    ------
-    ConfigurationError
-        Another version.
     """
-    if fmi not in FMI_VERSIONS:
-        raise ConfigurationError(f"fmi must be 2 or 3, got {fmi!r}")
     prefix = generated.prefix
     ranges = ranges_of(generated)
     variables = list(variables_of(generated, ranges))
@@ -63,7 +56,7 @@ def fmu_files(generated: GeneratedC, n_axes: int, fmi: int = 3) -> dict[str, str
     inputs_kind = 'causality="input" variability="discrete"'
     values: dict[str, Any] = {
         "P": prefix,
-        "n": n_axes,
+        "n": next(field.size for field in generated.outputs if field.name == "command"),
         "version": contourlab.__version__,
         "description": f"{generated.law}, sampled every {generated.sample_time:.17g} s",
         "sample_time": f"{generated.sample_time:.17g}",
@@ -97,12 +90,63 @@ def fmu_files(generated: GeneratedC, n_axes: int, fmi: int = 3) -> dict[str, str
     return files
 
 
+def refuse(output: Path, *, force: bool, fmi: int = 3) -> None:
+    """Raise if a unit cannot be written there.
+
+    Parameters
+    ----------
+    output
+        The file.
+    force
+        Whether a unit that contourlab made may be replaced.
+    fmi
+        2 or 3.
+
+    Raises
+    ------
+    ConfigurationError
+        Another version.
+    OutputError
+        The file exists already, or is not one of ours.
+    """
+    if fmi not in FMI_VERSIONS:
+        raise ConfigurationError(f"fmi must be 2 or 3, got {fmi!r}")
+    refuse_existing(output, force=force)
+    if output.exists() and not _is_ours(output):
+        raise OutputError(
+            f"{output} was not made by contourlab export --target fmu; it stays as it is, "
+            "choose another name"
+        )
+
+
+def write(
+    generated: GeneratedC, loop: RecordedLoop, output: Path, parity: Parity | None, *,
+    force: bool, fmi: int = 3,
+) -> list[str]:  # fmt: skip
+    """Write the file of target ``fmu`` and return the names inside it.
+
+    Parameters
+    ----------
+    generated
+        The law.
+    loop, parity
+        Not used: a unit holds no golden data.
+    output
+        The file.
+    force
+        Whether a unit that contourlab made may be replaced.
+    fmi
+        2 or 3.
+    """
+    del loop, parity
+    return list(write_fmu(generated, output, fmi=fmi, force=force))
+
+
 _GUID = ((0, 8), (8, 12), (12, 16), (16, 20), (20, 32))
 
 
 def write_fmu(
     generated: GeneratedC,
-    n_axes: int,
     file: str | Path,
     *,
     fmi: int = 3,
@@ -114,8 +158,6 @@ def write_fmu(
     ----------
     generated
         The exported law.
-    n_axes
-        Number of axes.
     file
         Where, usually ``.fmu``.
     fmi
@@ -131,13 +173,9 @@ def write_fmu(
         There is no C compiler, or it refuses.
     """
     target = Path(file)
-    if target.exists() and force and not _is_ours(target):
-        raise OutputError(
-            f"{target} was not made by contourlab export --target fmu; it stays as it is, "
-            "choose another name"
-        )
+    refuse(target, force=force, fmi=fmi)
     with atomic_file(target, force=force) as temporary, tempfile.TemporaryDirectory() as folder:
-        files = fmu_files(generated, n_axes, fmi)
+        files = fmu_files(generated, fmi)
         for name, text in files.items():
             place = Path(folder) / name
             place.parent.mkdir(parents=True, exist_ok=True)

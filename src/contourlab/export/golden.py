@@ -52,12 +52,15 @@ class RecordedLoop:
         What it was given: leading dimension is the step.
     outputs
         What it gave, by name.
+    controller
+        The law's configuration.
     """
 
     law: BoundController
     sample_time: float
     samples: Sample
     outputs: Mapping[str, NDArray[Any]]
+    controller: Controller
 
     @property
     def n_steps(self) -> int:
@@ -178,7 +181,9 @@ def record_loop(
     if int(carry.finished_step) >= 0:
         n = min(n, int(carry.finished_step) + 1)
     rows = jax.tree.map(lambda *x: np.concatenate(x)[:n], *parts)
-    return RecordedLoop(law, float(reference.sample_time), rows["sample"], rows["outputs"])
+    return RecordedLoop(
+        law, float(reference.sample_time), rows["sample"], rows["outputs"], controller
+    )
 
 
 @functools.partial(jax.jit, static_argnames=("needs",))

@@ -11,10 +11,7 @@ import numpy as np
 
 from contourlab.controllers.base import BoundController, Controller, Needs
 
-__all__ = ["COMMAND_UNITS", "LawFacts"]
-
-COMMAND_UNITS = {"voltage": "V", "force": "N", "velocity": "m/s", "position": "m"}
-"""SI unit of each kind of command."""
+__all__ = ["LawFacts"]
 
 
 @dataclasses.dataclass(frozen=True)

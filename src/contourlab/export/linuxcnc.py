@@ -21,9 +21,10 @@ import contourlab
 from contourlab.errors import ConfigurationError, RefusedError, choices
 from contourlab.export.generate import GeneratedC
 from contourlab.export.hal_items import gain_items, telemetry_items
-from contourlab.export.law_facts import COMMAND_UNITS, LawFacts
+from contourlab.export.law_facts import LawFacts
 from contourlab.export.linuxcnc_inputs import law_inputs
 from contourlab.export.templating import render
+from contourlab.simulation.result import COMMAND_UNITS
 
 __all__ = ["LENGTH_UNITS", "LICENCES", "LinuxcncOptions", "linuxcnc_files", "template_values"]
 

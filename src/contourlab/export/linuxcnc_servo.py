@@ -7,6 +7,9 @@ of the real machine: the logged inputs must give the logged commands, bit for bi
 from __future__ import annotations
 
 import ctypes
+import json
+import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +18,10 @@ from numpy.typing import NDArray
 
 from contourlab.errors import ExportError
 from contourlab.export.fields import Field
+from contourlab.export.folder import MANIFEST
 from contourlab.export.generate import GeneratedC
 from contourlab.export.law_facts import LawFacts
-from contourlab.export.linuxcnc import LinuxcncOptions, linuxcnc_files, template_values
+from contourlab.export.linuxcnc import LinuxcncOptions, linuxcnc_files
 from contourlab.export.shared_library import compile_library
 from contourlab.export.templating import render
 
@@ -39,14 +43,16 @@ class ServoLayer:
 
     Parameters
     ----------
-    generated
-        The exported law.
-    facts
-        What it commands and asks for.
-    options
-        What the user says about the machine.
     folder
-        Where the files are written and compiled.
+        With the files of target ``linuxcnc``.
+    prefix
+        Of their names.
+    n_axes
+        Number of axes.
+    precision
+        ``"double"`` or ``"single"``.
+    parameters, inputs, outputs
+        Fields of the law's structures.
 
     Raises
     ------
@@ -58,22 +64,19 @@ class ServoLayer:
     """A structured array without dimensions: ``scale``, ``command_limit``, ``law`` and so on."""
 
     def __init__(
-        self, generated: GeneratedC, facts: LawFacts, options: LinuxcncOptions, folder: Path
-    ) -> None:
-        prefix, n = generated.prefix, facts.n_axes
-        folder.mkdir(parents=True, exist_ok=True)
-        values = template_values(generated, facts, options)
-        files = {
-            **linuxcnc_files(generated, facts, options),
-            f"{prefix}_desk.c": render("linuxcnc/desk.c.j2", values),
-        }
-        for name, text in files.items():
-            (folder / name).write_text(text)
-        sources = [folder / f"{prefix}{part}.c" for part in ("", "_servo", "_desk")]
-        self._library = ctypes.CDLL(str(compile_library(sources, folder / f"lib{prefix}_desk.so")))
+        self, folder: Path, *, prefix: str, n_axes: int, precision: str,
+        parameters: Sequence[Field], inputs: Sequence[Field], outputs: Sequence[Field],
+    ) -> None:  # fmt: skip
+        with tempfile.TemporaryDirectory() as place:
+            desk = Path(place) / f"{prefix}_desk.c"
+            desk.write_text(render("linuxcnc/desk.c.j2", {"P": prefix}))
+            sources = [folder / f"{prefix}.c", folder / f"{prefix}_servo.c", desk]
+            library = Path(place) / f"lib{prefix}_desk.so"
+            compile_library(sources, library, flags=(f"-I{folder}",))
+            self._library = ctypes.CDLL(str(library))
         self._run = getattr(self._library, f"{prefix}_desk_run")
         self._run.restype = None
-        types = _types(generated, n)
+        types = _types(n_axes, precision, parameters, inputs, outputs)
         size = getattr(self._library, f"{prefix}_desk_size")
         size.restype = ctypes.c_size_t
         for which, of in enumerate(types):
@@ -88,6 +91,64 @@ class ServoLayer:
         self._start = getattr(self._library, f"{prefix}_servo_start")
         self._state = np.zeros(size(3), np.uint8)
         self.restart()
+
+    @staticmethod
+    def of_export(folder: str | Path) -> ServoLayer:
+        """Return the servo layer of an exported component.
+
+        Parameters
+        ----------
+        folder
+            That ``export --target linuxcnc`` wrote.
+
+        Raises
+        ------
+        ExportError
+            It is not such a folder; or as for the class.
+        """
+        place = Path(folder)
+        try:
+            known = json.loads((place / MANIFEST).read_text())
+            fields = {
+                group: [
+                    Field(f["name"], tuple(f["shape"]), f["unit"], f["type"], f["path"])
+                    for f in known[group]
+                ]
+                for group in ("parameters", "inputs", "outputs")
+            }
+            n_axes = int(known["linuxcnc"]["n_axes"])
+            return ServoLayer(
+                place, prefix=known["prefix"], n_axes=n_axes, precision=known["precision"], **fields
+            )
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise ExportError(
+                f"{folder} is not a folder that export --target linuxcnc wrote ({error})"
+            ) from error
+
+    @staticmethod
+    def made(
+        generated: GeneratedC, facts: LawFacts, options: LinuxcncOptions, folder: Path
+    ) -> ServoLayer:
+        """Return the servo layer of a law, its files written into a folder.
+
+        Parameters
+        ----------
+        generated
+            The exported law.
+        facts
+            What it commands and asks for.
+        options
+            What the user says about the machine.
+        folder
+            Where the files go; made if it is missing.
+        """
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, text in linuxcnc_files(generated, facts, options).items():
+            (folder / name).write_text(text)
+        return ServoLayer(
+            folder, prefix=generated.prefix, n_axes=facts.n_axes, precision=generated.precision,
+            parameters=generated.parameters, inputs=generated.inputs, outputs=generated.outputs,
+        )  # fmt: skip
 
     def restart(self) -> None:
         """Forget everything, as when the component is loaded."""
@@ -137,11 +198,14 @@ def _address(array: NDArray[Any]) -> ctypes.c_void_p:
     return ctypes.c_void_p(array.ctypes.data)
 
 
-def _types(generated: GeneratedC, n: int) -> tuple[np.dtype[Any], ...]:
+def _types(
+    n: int, precision: str, parameters: Sequence[Field], given: Sequence[Field],
+    returned: Sequence[Field],
+) -> tuple[np.dtype[Any], ...]:  # fmt: skip
     """Return the layout of settings, inputs and outputs."""
-    real = np.float64 if generated.precision == "double" else np.float32
+    real = np.float64 if precision == "double" else np.float32
 
-    def struct(fields: tuple[Field, ...]) -> np.dtype[Any]:
+    def struct(fields: Sequence[Field]) -> np.dtype[Any]:
         columns = [(f.name, real if f.dtype == "real" else np.int32, f.shape) for f in fields]
         return np.dtype(columns or [("unused", np.int8)], align=True)
 
@@ -153,7 +217,7 @@ def _types(generated: GeneratedC, n: int) -> tuple[np.dtype[Any], ...]:
         ("hold_speed", np.float64),
         ("minimum_radius", np.float64),
         ("measured_velocity", np.int32),
-        ("law", struct(generated.parameters)),
+        ("law", struct(parameters)),
     ]
     inputs = [
         ("period", np.float64),
@@ -171,7 +235,7 @@ def _types(generated: GeneratedC, n: int) -> tuple[np.dtype[Any], ...]:
         ("fault", np.int32),
         ("saturated", np.int32),
         ("reserved", np.int32),
-        ("law_inputs", struct(generated.inputs)),
-        ("law", struct(generated.outputs)),
+        ("law_inputs", struct(given)),
+        ("law", struct(returned)),
     ]
     return tuple(np.dtype(columns, align=True) for columns in (settings, inputs, outputs))
