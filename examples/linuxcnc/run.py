@@ -5,7 +5,7 @@ in its servo thread the exported controller commands two simulated axes. Every s
 logged. Then the log is judged by the exact contour error against the programmed path, and replayed:
 the same C, called from Python with the logged inputs, must give the logged commands bit for bit.
 
-    python examples/linuxcnc/run.py [--controller NAME] [--log FILE.csv] [--work FOLDER]
+    python examples/linuxcnc/run.py [--controller NAME] [--log FILE.csv] [--short-log FILE.csv]
 
 It needs LinuxCNC with its development files (Debian: linuxcnc-uspace, linuxcnc-uspace-dev) and
 works as root and as a plain user. Nothing is installed: LinuxCNC runs in namespaces of its own.
@@ -90,6 +90,15 @@ def run_part(work, modules, log):
     return table
 
 
+def write_short(table, path):
+    """Write what a plain log would hold: positions and forces with six decimals, as halsampler."""
+    names = [f"{axis} {what}" for what in ("commanded [mm]", "actual [mm]", "force [N]")
+             for axis in ("X", "Y")]  # fmt: skip
+    short = table.loc[table["running"] == 1, ["time [s]", *names]]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    short.round(6).to_csv(path, index=False)
+
+
 def judge(table, contour):
     """Return the log as a recording with the exact contour error against the programmed path."""
     import xarray as xr
@@ -147,6 +156,7 @@ def main():
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("--controller", default="cross-coupled", help="of stage.toml")
     options.add_argument("--log", type=Path, help="where to keep the log, a CSV file")
+    options.add_argument("--short-log", type=Path, help="where to keep positions and forces only")
     options.add_argument("--work", type=Path, help="folder to work in, kept")
     chosen = options.parse_args()
     missing = missing_linuxcnc()
@@ -160,6 +170,8 @@ def main():
         log = chosen.log.resolve() if chosen.log else work / "log.csv"
         log.unlink(missing_ok=True)
         table = run_part(work, modules, log)
+        if chosen.short_log:
+            write_short(table, chosen.short_log)
         if (table["fault code"] != 0).any():
             sys.exit(f"the controller stopped with fault {table['fault code'].max()}")
         contour = next(iter(scenario.setups.values())).reference.contour
