@@ -88,14 +88,14 @@ def main():
         return status
 
     command.state(linuxcnc.STATE_ESTOP_RESET)
-    wait("ready", lambda: now().task_state == linuxcnc.STATE_ESTOP_RESET, 10)
+    wait("ready", lambda: now().task_state == linuxcnc.STATE_ESTOP_RESET, 30)
     command.state(linuxcnc.STATE_ON)
-    wait("enabled", lambda: now().task_state == linuxcnc.STATE_ON, 10)
+    wait("enabled", lambda: now().task_state == linuxcnc.STATE_ON, 30)
     command.mode(linuxcnc.MODE_AUTO)
     command.wait_complete()
     command.program_open(program)
     command.auto(linuxcnc.AUTO_RUN, 0)
-    wait("running", lambda: now().interp_state != linuxcnc.INTERP_IDLE, 10)
+    wait("running", lambda: now().interp_state != linuxcnc.INTERP_IDLE, 30)
     ok = True
     while now().interp_state != linuxcnc.INTERP_IDLE or not status.inpos:
         said = errors.poll()

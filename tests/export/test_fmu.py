@@ -119,6 +119,21 @@ def test_it_gives_the_numbers_of_the_same_c(running, tmp_path):
         assert running.whole("status") == expected["status"]
 
 
+@VERSIONS
+def test_fmpy_simulates_it(units, fmi):
+    """As a user would: an input signal, a gain, and the law's answer to both."""
+    signal = np.array(
+        [(0.0, 0.0), (1.0, 1.0)], dtype=[("time", float), ("reference_position[1]", float)]
+    )
+    found = fmpy.simulate_fmu(
+        str(units[fmi]), stop_time=0.1, output_interval=T, input=signal,
+        start_values={"parameters.kp[1]": 10.0},
+    )  # fmt: skip
+    # row k + 1 holds what the step from k gave
+    np.testing.assert_allclose(found["command[1]"][1:], 10.0 * found["time"][:-1], atol=1e-9)
+    assert found["telemetry.steps"][-1] == 100.0
+
+
 def test_gains_are_tunable(running):
     kinds = {v.name: (v.causality, v.variability) for v in running.description.modelVariables}
     assert kinds["parameters.kp[2]"] == ("parameter", "tunable")

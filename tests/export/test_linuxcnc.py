@@ -97,12 +97,9 @@ def test_a_law_that_plans_its_own_time_is_refused():
         linuxcnc_files(probe(), facts(own_time=True), GPL)
 
 
-def test_a_law_that_needs_the_place_on_a_contour_is_refused():
-    with pytest.raises(RefusedError, match="evaluates the contour at the reference's parameter"):
+def test_a_law_that_evaluates_its_contour_is_refused():
+    with pytest.raises(RefusedError, match="would pull towards it during approaches"):
         linuxcnc_files(probe(), facts(contour=True), GPL)
-    knows_where_it_is = probe(without=("reference.parameter",))
-    files = linuxcnc_files(knows_where_it_is, facts(contour=True), GPL)
-    assert "It knows one contour" in files["README.md"]
 
 
 def test_a_path_in_other_coordinates_than_the_axes_is_refused():

@@ -24,7 +24,7 @@ from typing import Any
 import contourlab
 from contourlab.errors import ConfigurationError, OutputError, RefusedError
 from contourlab.export.fmu_functions import MISSING_IN_FMI2, MISSING_IN_FMI3
-from contourlab.export.fmu_variables import ranges_of, variables_of
+from contourlab.export.fmu_variables import Variable, ranges_of, variables_of
 from contourlab.export.generate import GeneratedC
 from contourlab.export.golden import RecordedLoop
 from contourlab.export.parity import Parity
@@ -53,7 +53,6 @@ def fmu_files(generated: GeneratedC, fmi: int = 3) -> dict[str, str]:
     variables = list(variables_of(generated, ranges))
     compiled = [f"{prefix}.c", f"{prefix}_fmi{fmi}.c"]
     time = next((field.name for field in generated.inputs if field.path == "time"), "")
-    inputs_kind = 'causality="input" variability="discrete"'
     values: dict[str, Any] = {
         "P": prefix,
         "n": next(field.size for field in generated.outputs if field.name == "command"),
@@ -65,11 +64,6 @@ def fmu_files(generated: GeneratedC, fmi: int = 3) -> dict[str, str]:
         "compiled": compiled,
         "variables": [_escaped(variable) for variable in variables],
         "units": sorted({_quoted(v.unit) for v in variables if v.unit and not v.whole}),
-        "kinds": {
-            "inputs": inputs_kind,
-            "outputs": 'causality="output" variability="discrete" initial="exact"',
-            "parameters": 'causality="parameter" variability="tunable"',
-        },
         "missing2": MISSING_IN_FMI2,
         "missing3": MISSING_IN_FMI3,
         "token": "",
@@ -251,8 +245,17 @@ def _quoted(text: str) -> str:
     return xml.sax.saxutils.escape(text, {'"': "&quot;"})
 
 
-def _escaped(variable: Any) -> dict[str, Any]:
+_KINDS = {
+    "inputs": 'causality="input" variability="continuous"',  # sampled here, once in every step
+    "outputs": 'causality="output" variability="discrete" initial="exact"',
+    "parameters": 'causality="parameter" variability="tunable"',
+}
+
+
+def _escaped(variable: Variable) -> dict[str, Any]:
+    kind = _KINDS[variable.group]
     return {
+        "kind": kind.replace("continuous", "discrete") if variable.whole else kind,
         "reference": variable.reference,
         "name": _quoted(variable.name),
         "group": variable.group,

@@ -40,7 +40,8 @@ def main() -> None:
         row = numbers[k * width : (k + 1) * width]
         there.write(tuple(convert[t](v) for t, v in zip(types_in, row, strict=True)))
     subprocess.run(["halcmd", "start"], check=True)
-    found, counts = array.array("d"), []
+    found = array.array("d")
+    counts: list[int] = []
     deadline = time.monotonic() + PATIENCE
     while len(counts) < n_rows and time.monotonic() < deadline:
         while back.readable and len(counts) < n_rows:

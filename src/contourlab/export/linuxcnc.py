@@ -179,7 +179,6 @@ def template_values(
         "geometry": inputs.order >= 0,
         "order": inputs.order,
         "fill": inputs.lines,
-        "evaluates_contour": facts.needs.contour,
         "unit": unit,
         "command_kind": kind,
         "command_unit": per_unit,

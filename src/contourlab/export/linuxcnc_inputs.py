@@ -54,7 +54,7 @@ def law_inputs(generated: GeneratedC, facts: LawFacts) -> LawInputs:
     RefusedError
         LinuxCNC cannot give an input; says which and why.
     """
-    _refuse(generated, facts)
+    _refuse(facts)
     n, prefix = facts.n_axes, generated.prefix
     lines: list[str] = []
     delay, order = facts.needs.preview, -1
@@ -113,16 +113,16 @@ def _loop(statement: str) -> list[str]:
     return ["for (i = 0; i < N; i++) {", f"    {statement}", "}"]
 
 
-def _refuse(generated: GeneratedC, facts: LawFacts) -> None:
+def _refuse(facts: LawFacts) -> None:
     if facts.needs.own_time:
         raise RefusedError(
             f"{facts.name} plans its own time along the contour; LinuxCNC's planner does that "
             "already and cannot be led: take a law that follows a reference"
         )
-    reads = {field.path for field in generated.inputs}
-    if facts.needs.contour and reads & {"reference.parameter", "preview.parameter"}:
+    if facts.needs.contour:
         raise RefusedError(
-            f"{facts.name} evaluates the contour at the reference's parameter; LinuxCNC says where "
-            "the reference is, not at which place of which contour: take an estimator that works "
-            "on the motion, such as TangentEstimator or OsculatingCircleEstimator"
+            f"{facts.name} evaluates the one contour that it was bound to. In LinuxCNC it would "
+            "pull towards it during approaches, rapids and jogs too, which are not on it: take a "
+            "law or an estimator that works on the motion, such as TangentEstimator or "
+            "OsculatingCircleEstimator"
         )
