@@ -428,9 +428,7 @@ def reproduce(
 @app.command()
 def export(
     scenario: ScenarioFile,
-    output: Annotated[
-        Path, typer.Option(help="Folder or file to write, as the target has it.")
-    ],
+    output: Annotated[Path, typer.Option(help="Folder or file to write, as the target has it.")],
     controller: Annotated[
         str | None,
         typer.Option(help="Which controller, if there are several.", show_default=False),
@@ -457,7 +455,8 @@ def export(
     license_line: Annotated[
         str | None,
         typer.Option(
-            "--license", help="linuxcnc: licence of the component, such as GPL.",
+            "--license",
+            help="linuxcnc: licence of the component, such as GPL.",
             show_default=False,
         ),
     ] = None,
@@ -518,8 +517,9 @@ def export(
             "files": list(result.files), "parity": parity, "warnings": list(result.warnings),
         })  # fmt: skip
         return
-    for name in result.files:
-        typer.echo(f"written: {result.output / name if result.output.is_dir() else name}")
+    whole = not result.output.is_dir()
+    for file in [result.output] if whole else [result.output / name for name in result.files]:
+        typer.echo(f"written: {file}")
     if result.parity is not None:
         typer.echo(
             f"{result.parity.steps} steps replayed: {result.parity.relative:.3g} of the peak "
