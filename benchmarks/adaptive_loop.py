@@ -23,8 +23,9 @@ from contourlab.papers.global_task_frame_runs import (
     machine_of,
     paper_law,
 )
+from contourlab.simulation.jax_engine import advance, start
 from contourlab.simulation.loop import chunk_size, split
-from contourlab.simulation.run import _advance, _start, loop_reach
+from contourlab.simulation.run import loop_reach
 
 CASES = {
     "C1, global frame by its implicit form": ("C1", "implicit"),
@@ -48,10 +49,10 @@ def loop(machine, law, reference):
     reach, key = loop_reach(reference), jax.random.key(0)
 
     def run():
-        carry = _start(bound, bound_law, reference.contour, chunks[0], key, law.needs)
+        carry = start(bound, bound_law, reference.contour, chunks[0], key, law.needs)
         rows = []
         for points in chunks:
-            carry, out = _advance(
+            carry, out = advance(
                 bound, bound_law, reference.contour, (), carry, points, period, reach, law.needs,
                 size,
             )  # fmt: skip

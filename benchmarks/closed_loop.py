@@ -22,8 +22,9 @@ import numpy as np
 
 import contourlab as cl
 from contourlab.machines import Drive, Encoder, Friction, Machine, RigidAxes
+from contourlab.simulation.jax_engine import advance, start
 from contourlab.simulation.loop import chunk_size, split
-from contourlab.simulation.run import _advance, _start, loop_reach
+from contourlab.simulation.run import loop_reach
 
 DT = 1e-3
 MASS, VISCOUS = np.array([5.0, 3.0]), np.array([20.0, 15.0])
@@ -86,10 +87,10 @@ def jax_loop(machine, law, reference):
     reach, key = loop_reach(reference), jax.random.key(0)
 
     def run():
-        carry = _start(bound, bound_law, reference.contour, chunks[0], key, law.needs)
+        carry = start(bound, bound_law, reference.contour, chunks[0], key, law.needs)
         rows = []
         for points in chunks:
-            carry, out = _advance(
+            carry, out = advance(
                 bound, bound_law, reference.contour, (), carry, points, DT, reach, law.needs, size
             )
             rows.append(out["actual"])

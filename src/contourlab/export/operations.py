@@ -33,7 +33,7 @@ def _operations(statement: Any) -> int:
     if isinstance(statement, Break):
         return _inside(statement.condition)
     if isinstance(statement, For):
-        return statement.count * count_operations(statement.body)
+        return int(statement.count) * count_operations(statement.body)
     if isinstance(statement, Branch):
         longest = max(count_operations(one) for one in statement.blocks)
         return _inside(statement.selector) + longest

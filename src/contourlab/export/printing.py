@@ -109,7 +109,7 @@ class Printer:
             note = f" /* {s.note} {s.count} */" if s.note else ""
             k = s.counter
             head = (
-                f"for (int32_t {k} = {s.count - 1}; {k} >= 0; --{k})"
+                f"for (int32_t {k} = {int(s.count) - 1}; {k} >= 0; --{k})"
                 if s.backwards
                 else f"for (int32_t {k} = 0; {k} < {s.count}; ++{k})"
             )

@@ -89,10 +89,10 @@ class Copy:
 
 @dataclasses.dataclass
 class For:
-    """A loop with a fixed number of passes."""
+    """A loop with a fixed number of passes, or with as many as a name says."""
 
     counter: str
-    count: int
+    count: int | str
     body: Block
     line: str
     note: str = ""
@@ -267,13 +267,15 @@ class Builder:
             self.stack.pop()
 
     @contextlib.contextmanager
-    def loop(self, count: int, note: str = "", *, backwards: bool = False) -> Iterator[Index]:
+    def loop(
+        self, count: int | str, note: str = "", *, backwards: bool = False
+    ) -> Iterator[Index]:
         """Open a loop and give its counter; it is put into the block around it when it closes.
 
         Parameters
         ----------
         count
-            Number of passes.
+            Number of passes, or the name of a whole number that says.
         note
             A word on the number of passes.
         backwards

@@ -30,6 +30,7 @@ __all__ = [
     "Carry",
     "Rows",
     "chunk_size",
+    "control_step",
     "end_step",
     "first_carry",
     "geometry_rows",
@@ -181,6 +182,57 @@ def first_carry(
     return Carry(state, law.init(sample), zero, zero - 1, zero - 1)
 
 
+def control_step(
+    machine: BoundMachine,
+    law: BoundController,
+    disturbances: tuple[Disturbance, ...],
+    carry: Carry,
+    sample: Sample,
+    reach: Scalar,
+    *,
+    freeze: bool,
+) -> tuple[Carry, dict[str, Any]]:
+    """Return the carry after one step, and what happened in it.
+
+    Parameters
+    ----------
+    machine, law, disturbances
+        The closed loop.
+    carry
+        From the step before.
+    sample
+        What the law is given at this instant.
+    reach
+        A position further than this from its reference has diverged [m].
+    freeze
+        Whether a diverged run keeps its last state; static.
+    """
+    n_axes = sample.position.shape[-1]
+    actual = machine.true_position(carry.machine)
+    command, law_state = law.step(carry.law, sample)
+    disturbance = sum((d.value(sample.time, n_axes) for d in disturbances), start=jnp.zeros(n_axes))
+    machine_state = machine.advance(carry.machine, command, disturbance)
+    lost = ~jnp.all(jnp.abs(actual - sample.reference.position) <= reach)  # NaN is lost too
+    diverged = jnp.where(lost & (carry.diverged_step < 0), carry.step, carry.diverged_step)
+    done = law.finished(law_state) & (carry.finished_step < 0)
+    finished = jnp.where(done, carry.step, carry.finished_step)
+    if freeze:
+        keep = (diverged >= 0) | (carry.finished_step >= 0)
+        machine_state, law_state = jax.tree.map(
+            lambda new, old: jnp.where(keep, old, new),
+            (machine_state, law_state),
+            (carry.machine, carry.law),
+        )
+    out = {
+        "actual": actual,
+        "measured": sample.position,
+        "command": command,
+        "telemetry": dict(law.telemetry(law_state)),
+        "status": law.status(law_state),
+    }
+    return Carry(machine_state, law_state, carry.step + 1, diverged, finished), out
+
+
 def run_chunk(
     machine: BoundMachine,
     law: BoundController,
@@ -215,35 +267,12 @@ def run_chunk(
     freeze
         Whether a diverged run keeps its last state (needed for lanes of ``vmap``); static.
     """
-    n_axes = rows.points.position.shape[-1]
     rows = jax.tree.map(jnp.asarray, rows)
 
     def step(carry: Carry, at: Array) -> tuple[Carry, dict[str, Any]]:
         time = carry.step * sample_time
         sample = _sample(machine, carry.machine, rows, at, time, needs.preview)
-        actual = machine.true_position(carry.machine)
-        command, law_state = law.step(carry.law, sample)
-        disturbance = sum((d.value(time, n_axes) for d in disturbances), start=jnp.zeros(n_axes))
-        machine_state = machine.advance(carry.machine, command, disturbance)
-        lost = ~jnp.all(jnp.abs(actual - sample.reference.position) <= reach)  # NaN is lost too
-        diverged = jnp.where(lost & (carry.diverged_step < 0), carry.step, carry.diverged_step)
-        done = law.finished(law_state) & (carry.finished_step < 0)
-        finished = jnp.where(done, carry.step, carry.finished_step)
-        if freeze:
-            keep = (diverged >= 0) | (carry.finished_step >= 0)
-            machine_state, law_state = jax.tree.map(
-                lambda new, old: jnp.where(keep, old, new),
-                (machine_state, law_state),
-                (carry.machine, carry.law),
-            )
-        out = {
-            "actual": actual,
-            "measured": sample.position,
-            "command": command,
-            "telemetry": dict(law.telemetry(law_state)),
-            "status": law.status(law_state),
-        }
-        return Carry(machine_state, law_state, carry.step + 1, diverged, finished), out
+        return control_step(machine, law, disturbances, carry, sample, reach, freeze=freeze)
 
     return jax.lax.scan(step, carry, jnp.arange(n_steps, dtype=jnp.int32))
 

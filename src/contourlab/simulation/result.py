@@ -26,7 +26,7 @@ def build_recording(
     machine: Machine, controller: Controller, law: BoundController,
     reference: Reference, values: dict[str, NDArray[Any]],
     disturbances: tuple[Disturbance, ...], seed: int, scenario: str, name: str,
-    diverged: int, axis: int, *, late: bool = False,
+    diverged: int, axis: int, *, late: bool = False, engine: str = "jax",
 ) -> Recording:  # fmt: skip
     """Return what happened as a recording, judged by the exact contour error.
 
@@ -40,6 +40,8 @@ def build_recording(
         Row and axis at which it diverged, -1 if it did not.
     late
         Whether a law that plans its own time has not arrived.
+    engine
+        What computed the loop.
     """
     import xarray as xr
 
@@ -102,6 +104,7 @@ def build_recording(
         "sample_time": float(np.asarray(reference.sample_time)),
         "seed": seed,
         "scenario": scenario,
+        "engine": engine,
         "outcome": "normal",
     }
     attributes = {**law.facts(), **attributes}

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from contourlab.contours.base import Contour
-from contourlab.controllers.base import BoundController, Controller, Needs
+from contourlab.controllers.base import Controller
 from contourlab.feedrate import Plan
-from contourlab.machines import BoundMachine, Disturbance, Machine
+from contourlab.machines import Disturbance, Machine
 from contourlab.recordings.recording import Recording
 from contourlab.recordings.reference import Reference
 from contourlab.simulation.checks import (
@@ -23,18 +21,8 @@ from contourlab.simulation.checks import (
     check_seed,
     snake_case,
 )
-from contourlab.simulation.loop import (
-    DIVERGED_FACTOR,
-    Carry,
-    Rows,
-    chunk_size,
-    first_carry,
-    geometry_rows,
-    outputs_of,
-    run_chunk,
-    run_length,
-    split,
-)
+from contourlab.simulation.engines import ClosedLoop, Engine, find_engine
+from contourlab.simulation.loop import DIVERGED_FACTOR, run_length
 from contourlab.simulation.result import build_recording
 
 __all__ = ["loop_reach", "simulate"]
@@ -52,6 +40,7 @@ def simulate(
     name: str | None = None,
     scenario: str = "",
     progress: Progress | None = None,
+    engine: str | Engine = "jax",
 ) -> Recording:
     """Run one closed loop and return its recording, judged by the exact contour error.
 
@@ -78,6 +67,11 @@ def simulate(
         Text of the scenario that the run belongs to, kept in the recording.
     progress
         Called with the fraction done, 0 to 1.
+    engine
+        What computes the loop: ``"jax"``, or ``"c"``, the whole loop as C by the road of export,
+        compiled where a compiler is found. A long run of few axes is several times faster in C; the
+        numbers are the same to rounding. Or an engine with options of its own, such as
+        :class:`contourlab.export.CEngine`.
 
     Returns
     -------
@@ -88,37 +82,36 @@ def simulate(
     Raises
     ------
     RefusedError
-        Machine, law and contour do not go together.
+        Machine, law and contour do not go together. The engine cannot compute this loop: no
+        compiler, or an operation that cannot be exported; says which and where it comes from.
     TravelError
         The reference leaves the machine's travel.
+    SimulationError
+        An engine, seed or disturbance that there is not.
     """
     reference = as_reference(reference)
     disturbances = as_disturbances(disturbances, machine)
     check_seed(seed)
+    chosen = find_engine(engine)
     check_loop(machine, controller, reference)
     needs = controller.needs
-    bound_machine = machine.bind(reference.sample_time)
     law = controller.bind(reference.contour, reference.sample_time)
-    n, size = run_length(reference, needs), chunk_size(reference.n_samples)
-    reach = loop_reach(reference)
-    key = jax.random.key(seed)
-    carry: Carry | None = None
-    parts: list[dict[str, NDArray[Any]]] = []
-    for number, points in enumerate(split(reference, size, needs.preview, n)):
-        if carry is None:
-            carry = _start(bound_machine, law, reference.contour, points, key, needs)
-        carry, out = _advance(
-            bound_machine, law, reference.contour, disturbances, carry, points,
-            reference.sample_time, reach, needs, size,
-        )  # fmt: skip
-        parts.append(outputs_of(out))
+    n = run_length(reference, needs)
+    loop = ClosedLoop(
+        machine.bind(reference.sample_time), law, disturbances, reference, needs,
+        jax.random.key(seed), loop_reach(reference), n,
+    )  # fmt: skip
+    parts: list[Mapping[str, NDArray[Any]]] = []
+    done, diverged, finished = 0, -1, -1
+    for chunk in chosen.run(loop):
+        parts.append(chunk.values)
+        done += len(chunk.values["actual"])
+        diverged, finished = chunk.diverged, chunk.finished
         if progress is not None:
-            progress(min(1.0, (number + 1) * size / n))
-        if int(carry.diverged_step) >= 0 or int(carry.finished_step) >= 0:
-            break
-    assert carry is not None
+            progress(min(1.0, done / n))
     values = {key: np.concatenate([part[key] for part in parts])[:n] for key in parts[0]}
-    diverged = int(carry.diverged_step)
+    if 0 <= finished < diverged:
+        diverged = -1  # what came after the end does not count
     axis = -1
     if 0 <= diverged < n:
         row = min(diverged, reference.n_samples - 1)
@@ -126,12 +119,12 @@ def simulate(
         axis = int(np.argmax(np.where(np.isfinite(error), error, np.inf)))
         # at least one row stays: the first, which is the reference's own start
         values = {key: rows[: max(diverged, 1)] for key, rows in values.items()}
-    elif 0 <= int(carry.finished_step) < n:
-        values = {key: rows[: int(carry.finished_step) + 1] for key, rows in values.items()}
+    elif 0 <= finished < n:
+        values = {key: rows[: finished + 1] for key, rows in values.items()}
     return build_recording(
         machine, controller, law, reference, values, disturbances, seed, scenario,
         name or snake_case(type(controller).__name__), diverged if axis >= 0 else -1, axis,
-        late=needs.own_time and axis < 0 and not 0 <= int(carry.finished_step) < n,
+        late=needs.own_time and axis < 0 and not 0 <= finished < n, engine=chosen.name,
     )  # fmt: skip
 
 
@@ -145,24 +138,3 @@ def loop_reach(reference: Reference) -> NDArray[Any]:
     """
     extent = float(np.max(np.ptp(np.asarray(reference.position), axis=0)))
     return np.asarray(DIVERGED_FACTOR * max(extent, 0.1))
-
-
-@functools.partial(jax.jit, static_argnames=("needs",))
-def _start(
-    machine: BoundMachine, law: BoundController, contour: Contour, points: Any, key: Any,
-    needs: Needs,
-) -> Carry:  # fmt: skip
-    geometry = geometry_rows(contour, points.parameter[:1], needs.derivatives)
-    return first_carry(machine, law, Rows(points, geometry), key, needs)
-
-
-@functools.partial(jax.jit, static_argnames=("needs", "n_steps"))
-def _advance(
-    machine: BoundMachine, law: BoundController, contour: Contour, disturbances: Any, carry: Carry,
-    points: Any, sample_time: Any, reach: Any, needs: Needs, n_steps: int,
-) -> tuple[Carry, Any]:  # fmt: skip
-    geometry = geometry_rows(contour, points.parameter[:n_steps], needs.derivatives)
-    return run_chunk(
-        machine, law, disturbances, carry, Rows(points, geometry), sample_time, reach,
-        needs=needs, n_steps=n_steps, freeze=False,
-    )  # fmt: skip
