@@ -1,13 +1,13 @@
 """``simulate(..., engine="c")``: the whole loop as C, compiled, run over the reference.
 
-What is computed is what :mod:`contourlab.simulation.loop` says, traced; so the recording has the same
-columns and the same numbers, to rounding: the compiler keeps every multiplication and addition apart,
-where JAX joins some, and functions such as the sine are those of the C library. A decision that
-hangs on the last bit may fall otherwise: a count of an encoder, a stick or slip, a pass of an
-iteration. :func:`contourlab.export.check_engine` says whether one did, and which.
+What is computed is what :mod:`contourlab.simulation.loop` says, traced; so the recording has the
+same columns and the same numbers, to rounding: the compiler keeps every multiplication and addition
+apart, where JAX joins some, and functions such as the sine are those of the C library. A decision
+that hangs on the last bit may fall otherwise: a count of an encoder, a stick or slip, a pass of an
+iteration. :func:`contourlab.export.compare_engines` says whether one did, and which.
 
-The state before the first step, the geometry of the path and random numbers come from JAX. C runs in
-pieces of a tenth of a second at the most, between which an interrupt is heard.
+The state before the first step, the geometry of the path and random numbers come from JAX. C runs
+in pieces of a tenth of a second at the most, between which an interrupt is heard.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import dataclasses
 import functools
 import time
 from collections import OrderedDict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +29,7 @@ from contourlab.contours.base import Contour
 from contourlab.errors import ConfigurationError, ExportError, RefusedError
 from contourlab.export.library_cache import compiled_library
 from contourlab.export.loop_source import FUNCTION, LoopSource, Parts, is_code, loop_source
-from contourlab.simulation.engines import Chunk, ClosedLoop
+from contourlab.simulation.engines import ClosedLoop, Outcome
 from contourlab.simulation.jax_engine import start
 from contourlab.simulation.loop import Carry, chunk_size, geometry_rows, split
 
@@ -69,13 +69,15 @@ class CEngine:
         if self.optimise not in (0, 1, 2, 3):
             raise ConfigurationError(f"optimise must be 0, 1, 2 or 3, got {self.optimise!r}")
 
-    def run(self, loop: ClosedLoop) -> Iterator[Chunk]:
-        """Yield what happened, chunk by chunk, until the run is over.
+    def run(self, loop: ClosedLoop, told: Callable[[float], None]) -> Outcome:
+        """Return what happened until the run was over; an interrupt is heard between pieces.
 
         Parameters
         ----------
         loop
             What to run.
+        told
+            Called with the fraction done.
 
         Raises
         ------
@@ -90,9 +92,12 @@ class CEngine:
             if compiled is None:
                 carry = start(loop.machine, loop.law, contour, points, loop.key, needs)
                 compiled = self._prepared(loop, carry, points, geometry)
-            yield from compiled.steps(points, geometry, size)
+            for _ in compiled.steps(points, geometry):
+                told(min(1.0, compiled.done / loop.length))
             if compiled.over:
-                return
+                break
+        assert compiled is not None
+        return compiled.outcome()
 
     def _prepared(
         self, loop: ClosedLoop, carry: Carry, points: Any, geometry: NDArray[Any]
@@ -110,7 +115,7 @@ class CEngine:
             )  # fmt: skip
         except ExportError as error:
             raise RefusedError(f"engine c: {error}") from error
-        return CompiledLoop(source, library, parts)
+        return CompiledLoop(source, library, parts, loop.length)
 
 
 @functools.partial(jax.jit, static_argnames=("order",))
@@ -158,71 +163,88 @@ class CompiledLoop:
         From it.
     parts
         Of the loop; the state is that before the first step.
+    length
+        Steps of the run at the most.
     """
 
-    def __init__(self, source: LoopSource, library: ctypes.CDLL, parts: Parts) -> None:
-        self.source = source
+    def __init__(
+        self, source: LoopSource, library: ctypes.CDLL, parts: Parts, length: int
+    ) -> None:  # fmt: skip
+        self.source, self.length = source, length
         self._call = getattr(library, FUNCTION)
         self._call.restype = None
         self._given = [_array(one) for one in jax.tree.leaves(parts.given)]
-        leaves, self._structure = jax.tree.flatten(parts.carry)
+        leaves, structure = jax.tree.flatten(parts.carry)
         self._state = [np.array(one) for one in leaves]
+        place: Carry = jax.tree.unflatten(structure, range(len(leaves)))
+        self._place: Any = place
         first = len(self._given)
         self._keys = [place - first for place in source.draws.keys]
+        self._out = [np.empty((length, *shape), dtype) for _, shape, dtype in source.outputs]
         self._steps = 256
 
     @property
-    def carry(self) -> Carry:
-        """The state after the last step."""
-        found: Carry = jax.tree.unflatten(self._structure, self._state)
-        return found
+    def done(self) -> int:
+        """Steps that were run."""
+        return int(self._state[self._place.step])
+
+    @property
+    def diverged(self) -> int:
+        """Row at which the run diverged, -1 if it did not."""
+        return int(self._state[self._place.diverged_step])
+
+    @property
+    def finished(self) -> int:
+        """Row at which the law said that it had arrived, -1 if it did not."""
+        return int(self._state[self._place.finished_step])
 
     @property
     def over(self) -> bool:
-        """Whether the run has diverged or arrived."""
-        return bool(self.carry.diverged_step >= 0 or self.carry.finished_step >= 0)
+        """Whether the run has diverged or arrived, or has its length."""
+        return self.diverged >= 0 or self.finished >= 0 or self.done >= self.length
 
-    def steps(self, points: Any, geometry: NDArray[Any], size: int) -> Iterator[Chunk]:
-        """Run some steps and yield what happened, piece by piece, each short enough to interrupt.
+    def outcome(self) -> Outcome:
+        """Return what happened so far."""
+        values = {
+            key: one[: self.done]
+            for (key, _, _), one in zip(self.source.outputs, self._out, strict=True)
+        }
+        return Outcome(values, self.diverged, self.finished)
+
+    def steps(self, points: Any, geometry: NDArray[Any]) -> Iterator[int]:
+        """Run a chunk; yield after each piece, which is short enough to be waited for.
 
         Parameters
         ----------
         points
-            The reference, ``size`` rows and those of the preview.
+            The reference, and those rows of the preview.
         geometry
-            ``size`` rows.
-        size
-            How many steps.
+            A row for each step of the chunk.
         """
+        size = len(geometry)
         keys, drawn = self.source.draws.draw([self._state[k] for k in self._keys], size)
         rows = [np.ascontiguousarray(one) for one in (*jax.tree.leaves(points), geometry, *drawn)]
-        done = 0
-        while done < size and not self.over:
-            count = min(self._steps, size - done)
+        begin = self.done
+        end = min(begin + size, self.length)
+        while self.done < end and not self.over:
+            done = self.done
+            count = min(self._steps, end - done)
             begun = time.perf_counter()
-            values = self._piece([one[done:] for one in rows], count)
+            self._call(
+                ctypes.c_int32(count), _pointers(self._given), _pointers(self._state),
+                _pointers(rows, done - begin), _pointers(self._out, done),
+            )  # fmt: skip
             taken = time.perf_counter() - begun
-            if taken < 0.25 * PIECE and count == self._steps:
-                self._steps = min(2 * self._steps, 1 << 14)
-            elif taken > PIECE:
+            if taken > PIECE:
                 self._steps = max(1, int(count * 0.5 * PIECE / taken))
-            done += count
-            yield Chunk(values, int(self.carry.diverged_step), int(self.carry.finished_step))
+            elif taken < 0.25 * PIECE and count == self._steps:
+                self._steps = 4 * self._steps
+            yield self.done
         for place, key in zip(self._keys, keys, strict=True):
             self._state[place] = np.array(key)
 
-    def _piece(self, rows: Sequence[NDArray[Any]], count: int) -> dict[str, NDArray[Any]]:
-        values = {
-            key: np.empty((count, *shape), dtype) for key, shape, dtype in self.source.outputs
-        }
-        before = int(self.carry.step)
-        self._call(
-            ctypes.c_int32(count), _pointers(self._given), _pointers(self._state),
-            _pointers(rows), _pointers(list(values.values())),
-        )  # fmt: skip
-        written = int(self.carry.step) - before
-        return {key: one[:written] for key, one in values.items()}
 
-
-def _pointers(arrays: Sequence[NDArray[Any]]) -> Any:
-    return (ctypes.c_void_p * max(len(arrays), 1))(*(one.ctypes.data for one in arrays))
+def _pointers(arrays: Sequence[NDArray[Any]], row: int = 0) -> Any:
+    """Return where arrays, or rows of them, are in memory."""
+    places = [one.ctypes.data + (row * one.strides[0] if row else 0) for one in arrays]
+    return (ctypes.c_void_p * max(len(places), 1))(*places)

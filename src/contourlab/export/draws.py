@@ -1,9 +1,9 @@
 """Random numbers of a loop, drawn before it runs.
 
-The keys of a run follow one from the other and from nothing else. So the equations of a control step
-fall in two: those that depend on the keys alone, which JAX carries out beforehand, giving a row of
-numbers for each step; and the rest, which takes that row. The numbers are those that the loop in JAX
-would draw, to the last bit.
+The keys of a run follow one from the other and from nothing else. So the equations of a control
+step fall in two: those that depend on the keys alone, which JAX carries out beforehand, giving a
+row of numbers for each step; and the rest, which takes that row. The numbers are those that the
+loop in JAX would draw, to the last bit.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
 """A whole closed loop as one C function: reference in, recording out.
 
-The control step of ``simulation`` (measure, law, machine) is traced once, without the random numbers
-that its keys alone decide, and written inside one loop over the samples. Everything of the machine,
-the law and the disturbances that is a real number is handed in at run time: another gain is not
-another program. Whole numbers and truths, which decide what the program is, are written into it.
+The control step of ``simulation`` (measure, law, machine) is traced once, without the random
+numbers that its keys alone decide, and written inside one loop over the samples. Everything of the
+machine, the law and the disturbances that is a real number is handed in at run time: another gain
+is not another program. Whole numbers and truths, which decide what the program is, are written into
+it.
 
 The function takes pointers to arrays, four groups of them::
 
@@ -195,8 +196,9 @@ def loop_source(parts: Parts) -> LoopSource:
 
 def _ends(carry: Carry) -> list[int]:
     """Return the places of the numbers that say that a run is over."""
-    paths = [str(path[-1]) for path, _ in jax.tree_util.tree_flatten_with_path(carry)[0]]
-    return [paths.index(".diverged_step"), paths.index(".finished_step")]
+    leaves, structure = jax.tree.flatten(carry)
+    place: Any = jax.tree.unflatten(structure, range(len(leaves)))
+    return [place.diverged_step, place.finished_step]
 
 
 def _check_carry(closed: Any, carry: Carry, n_given: int) -> None:

@@ -1,7 +1,7 @@
 """What computes a loop: engines, and which there are.
 
-An engine is given the whole closed loop and yields what happened, chunk by chunk. That of JAX is
-here. Others stand where what they need stands: the one that compiles the loop as C uses the road of
+An engine is given the whole closed loop and returns what happened. That of JAX is in this package.
+Others stand where what they need stands: the one that compiles the loop as C uses the road of
 ``export``, which is built on this package. So this table knows their modules by name alone, and a
 module is imported when a run asks for its engine.
 """
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Protocol, runtime_checkable
 
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from contourlab.errors import SimulationError, choices
 from contourlab.machines import BoundMachine, Disturbance
 from contourlab.recordings.reference import Reference
 
-__all__ = ["ENGINES", "Chunk", "ClosedLoop", "Engine", "find_engine"]
+__all__ = ["ENGINES", "ClosedLoop", "Engine", "Outcome", "find_engine"]
 
 ENGINES: dict[str, tuple[str, str]] = {
     "jax": ("contourlab.simulation.jax_engine", "JaxEngine"),
@@ -62,8 +62,8 @@ class ClosedLoop:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Chunk:
-    """What happened in some steps.
+class Outcome:
+    """What happened in a loop.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ class Chunk:
         ``actual``, ``measured``, ``command``, ``status`` and the law's telemetry as
         ``telemetry.NAME``, a row for each step. Rows after the end of the run may follow.
     diverged, finished
-        Row of the run at which it diverged, at which the law said that it had arrived; -1 if not.
+        Row at which the run diverged, at which the law said that it had arrived; -1 if not.
     """
 
     values: Mapping[str, NDArray[Any]]
@@ -86,13 +86,15 @@ class Engine(Protocol):
     name: str
     """As recordings show it."""
 
-    def run(self, loop: ClosedLoop) -> Iterator[Chunk]:
-        """Yield what happened, chunk by chunk, until the run is over: one chunk or more.
+    def run(self, loop: ClosedLoop, told: Callable[[float], None]) -> Outcome:
+        """Return what happened until the run was over; an interrupt is heard on the way.
 
         Parameters
         ----------
         loop
             What to run.
+        told
+            Called now and then with the fraction done.
         """
         ...
 

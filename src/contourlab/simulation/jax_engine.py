@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator
+from collections.abc import Callable
 from typing import Any
 
 import jax
+import numpy as np
+from numpy.typing import NDArray
 
 from contourlab.contours.base import Contour
 from contourlab.controllers.base import BoundController, Needs
 from contourlab.machines import BoundMachine
-from contourlab.simulation.engines import Chunk, ClosedLoop
+from contourlab.simulation.engines import ClosedLoop, Outcome
 from contourlab.simulation.loop import (
     Carry,
     Rows,
@@ -31,17 +33,20 @@ class JaxEngine:
 
     name = "jax"
 
-    def run(self, loop: ClosedLoop) -> Iterator[Chunk]:
-        """Yield what happened, chunk by chunk, until the run is over.
+    def run(self, loop: ClosedLoop, told: Callable[[float], None]) -> Outcome:
+        """Return what happened until the run was over; an interrupt is heard between chunks.
 
         Parameters
         ----------
         loop
             What to run.
+        told
+            Called with the fraction done.
         """
         contour, needs = loop.reference.contour, loop.needs
         size = chunk_size(loop.reference.n_samples)
         carry: Carry | None = None
+        parts: list[dict[str, NDArray[Any]]] = []
         for points in split(loop.reference, size, needs.preview, loop.length):
             if carry is None:
                 carry = start(loop.machine, loop.law, contour, points, loop.key, needs)
@@ -49,10 +54,15 @@ class JaxEngine:
                 loop.machine, loop.law, contour, loop.disturbances, carry, points,
                 loop.reference.sample_time, loop.reach, needs, size,
             )  # fmt: skip
-            chunk = Chunk(outputs_of(out), int(carry.diverged_step), int(carry.finished_step))
-            yield chunk
-            if chunk.diverged >= 0 or chunk.finished >= 0:
-                return
+            parts.append(outputs_of(out))
+            told(min(1.0, len(parts) * size / loop.length))
+            if int(carry.diverged_step) >= 0 or int(carry.finished_step) >= 0:
+                break
+        assert carry is not None
+        values = {
+            key: np.concatenate([part[key] for part in parts])[: loop.length] for key in parts[0]
+        }
+        return Outcome(values, int(carry.diverged_step), int(carry.finished_step))
 
 
 @functools.partial(jax.jit, static_argnames=("needs",))

@@ -110,17 +110,18 @@ def split(
         Samples of the run, not fewer than the reference has; as many if not given.
     """
     length = reference.n_samples if length is None else length
-    n_chunks = -(-length // size)
-    padding = n_chunks * size + preview - reference.n_samples
 
-    def padded(rows: Any, rest: Any) -> Any:
-        rows = np.asarray(rows)
-        return np.concatenate([rows, np.broadcast_to(rest, (padding, *rows.shape[1:]))])
+    def rows_of(rows: Any, rest: Any, first: int) -> Any:
+        found = np.asarray(rows)[first : first + size + preview]
+        lacking = size + preview - len(found)
+        if not lacking:
+            return found
+        return np.concatenate([found, np.broadcast_to(rest, (lacking, *found.shape[1:]))])
 
-    points = jax.tree.map(padded, reference.points, reference.rest_point())
+    points, rest = reference.points, reference.rest_point()
     return [
-        jax.tree.map(lambda x, k=k: x[k * size : (k + 1) * size + preview], points)
-        for k in range(n_chunks)
+        jax.tree.map(lambda x, y, k=k: rows_of(x, y, k * size), points, rest)
+        for k in range(-(-length // size))
     ]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from typing import Any
 
 import equinox as eqx
@@ -24,7 +25,7 @@ COMMAND_UNITS = {"voltage": "V", "force": "N", "velocity": "m/s", "position": "m
 
 def build_recording(
     machine: Machine, controller: Controller, law: BoundController,
-    reference: Reference, values: dict[str, NDArray[Any]],
+    reference: Reference, values: Mapping[str, NDArray[Any]],
     disturbances: tuple[Disturbance, ...], seed: int, scenario: str, name: str,
     diverged: int, axis: int, *, late: bool = False, engine: str = "jax",
 ) -> Recording:  # fmt: skip
@@ -173,7 +174,7 @@ def _beyond_travel(machine: Machine, actual: NDArray[Any], reference: Reference)
 
 
 def _not_finite(
-    values: dict[str, NDArray[Any]], machine: Machine, reference: Reference
+    values: Mapping[str, NDArray[Any]], machine: Machine, reference: Reference
 ) -> list[str]:
     """Say which recorded signals hold NaN or infinity, and since when."""
     said = []

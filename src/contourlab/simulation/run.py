@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import jax
@@ -101,15 +101,8 @@ def simulate(
         machine.bind(reference.sample_time), law, disturbances, reference, needs,
         jax.random.key(seed), loop_reach(reference), n,
     )  # fmt: skip
-    parts: list[Mapping[str, NDArray[Any]]] = []
-    done, diverged, finished = 0, -1, -1
-    for chunk in chosen.run(loop):
-        parts.append(chunk.values)
-        done += len(chunk.values["actual"])
-        diverged, finished = chunk.diverged, chunk.finished
-        if progress is not None:
-            progress(min(1.0, done / n))
-    values = {key: np.concatenate([part[key] for part in parts])[:n] for key in parts[0]}
+    outcome = chosen.run(loop, progress or (lambda done: None))
+    values, diverged, finished = outcome.values, outcome.diverged, outcome.finished
     if 0 <= finished < diverged:
         diverged = -1  # what came after the end does not count
     axis = -1
