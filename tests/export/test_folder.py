@@ -43,7 +43,7 @@ name = "inverse"
 type = "push.py:Inverse"
 k = 20.0
 """
-LAW = '''
+LAW = """
 import jax.numpy as jnp
 
 import contourlab as cl
@@ -98,7 +98,7 @@ class BoundInverse(BoundPushToPath):
 
 def helper():
     return 1
-'''
+"""
 
 
 @pytest.fixture(scope="module")
@@ -240,5 +240,3 @@ def test_without_a_compiler_it_says_so(scenario, tmp_path, monkeypatch):
     assert found.parity is None
     assert "no C compiler" in found.warnings[0]
     assert "not measured" in (tmp_path / "c" / "README.md").read_text()
-
-

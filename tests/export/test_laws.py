@@ -39,8 +39,11 @@ def made():
         if name not in found:
             machine, law, reference = loop(name)
             recorded = record_loop(machine, law, reference)
-            found[name] = recorded, generate(
-                recorded.law, recorded.first(), sample_time=recorded.sample_time, prefix="law"
+            found[name] = (
+                recorded,
+                generate(
+                    recorded.law, recorded.first(), sample_time=recorded.sample_time, prefix="law"
+                ),
             )
         return found[name]
 

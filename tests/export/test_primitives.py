@@ -53,9 +53,7 @@ def exported(tmp_path_factory):
             for x, (_, dtype) in zip(jax.tree.leaves(FUNCTIONS[name][1]), one.inputs, strict=True)
         ]
         outputs = [np.zeros(shape, dtype) for shape, dtype in one.outputs]
-        getattr(loaded, one.name)(
-            *(x.ctypes.data_as(ctypes.c_void_p) for x in (*inputs, *outputs))
-        )
+        getattr(loaded, one.name)(*(x.ctypes.data_as(ctypes.c_void_p) for x in (*inputs, *outputs)))
         return outputs
 
     return call

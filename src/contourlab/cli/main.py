@@ -18,7 +18,6 @@ import typer
 
 import contourlab
 from contourlab.cli.identify import identify
-from contourlab.errors import ContourlabError
 from contourlab.errors import ConfigurationError, ContourlabError
 
 __all__ = ["app", "main"]
@@ -526,6 +525,8 @@ def export(
             f"command at the most (bound {result.parity.bound.relative:.3g})"
         )
     _say(result.warnings)
+
+
 app.command()(identify)
 
 

@@ -170,7 +170,11 @@ class CompiledController:
             view[field.name] = np.asarray(inputs[field.name]).reshape(view[field.name].shape)
         if n:
             self._init(*map(ctypes.byref, (self.parameters, rows[0], self.state)))
-        step, parameters, state = self._step, ctypes.byref(self.parameters), ctypes.byref(self.state)
+        step, parameters, state = (
+            self._step,
+            ctypes.byref(self.parameters),
+            ctypes.byref(self.state),
+        )
         for k in range(n):
             step(parameters, ctypes.byref(rows[k]), state, ctypes.byref(outs[k]))
         return {

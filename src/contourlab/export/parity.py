@@ -94,9 +94,7 @@ def unmeasured_bound(generated: GeneratedC) -> Bound:
     return Bound(1e-8, "no compiler to measure what roundings mean here")
 
 
-def check_parity(
-    generated: GeneratedC, compiled: CompiledController, loop: RecordedLoop
-) -> Parity:
+def check_parity(generated: GeneratedC, compiled: CompiledController, loop: RecordedLoop) -> Parity:
     """Return how the compiled law compares with JAX over a recorded loop.
 
     Parameters

@@ -267,9 +267,7 @@ class Builder:
             self.stack.pop()
 
     @contextlib.contextmanager
-    def loop(
-        self, count: int | str, note: str = "", *, backwards: bool = False
-    ) -> Iterator[Index]:
+    def loop(self, count: int | str, note: str = "", *, backwards: bool = False) -> Iterator[Index]:
         """Open a loop and give its counter; it is put into the block around it when it closes.
 
         Parameters

@@ -167,13 +167,11 @@ def _warnings(drawing: Drawing) -> list[tuple[int | None, str, str]]:
 
 @cache
 def template(name: str) -> str:
-    """Return a file of the pages' styles, scripts and text.
     """Return the text of a template.
 
     Parameters
     ----------
     name
-        Of the file.
         Of its file.
     """
     return (files("contourlab.reports") / "templates" / name).read_text(encoding="utf-8")
@@ -340,8 +338,7 @@ def packed(values: Any) -> dict[str, str]:
     Parameters
     ----------
     values
-        Of one dimension.
-        Whole or other numbers.
+        Whole or other numbers, in one dimension.
     """
     array = np.asarray(values)
     kind = "i4" if array.dtype.kind in "iu" else "f4"
