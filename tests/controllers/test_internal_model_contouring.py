@@ -446,6 +446,21 @@ def test_a_gain_for_an_axis_of_third_order_is_found_and_certified():
         assert np.linalg.eigvalsh(falls)[0] > 0.0
 
 
+def test_the_gain_is_scheduled_with_convex_weights():
+    """Between its two ends by α1, and at the nearer one outside; never beyond both."""
+    bound = stage_law(stabiliser_gain=None).bind(CIRCLE, T)
+    low, high = float(bound.low[0]), float(bound.high[0])
+    first, last = (float(k) for k in bound.gain[:, 0, 0])
+    assert first != last
+    one, none = jnp.ones(1), jnp.zeros((1, 1))
+    for alpha, wanted in (
+        (low - 1.0, first), (low, first), (0.75 * low + 0.25 * high, 0.75 * first + 0.25 * last),
+        (high, last), (high + 9.0, last),
+    ):  # fmt: skip
+        found = float(bound._gain(jnp.full(1, alpha), one, none)[0])
+        assert_allclose(found, wanted, rtol=1e-12)
+
+
 @pytest.mark.parametrize("gain", [None, GAIN], ids=["found", "given"])
 def test_the_certified_range_is_watched(gain):
     law = stage_law(stabiliser_gain=gain, second_signal="position")

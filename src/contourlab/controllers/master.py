@@ -105,7 +105,7 @@ def master_motion(law: str, path: Contour, axis: int, names: tuple[str, ...]) ->
         ]
         rest = f"; {', '.join(others)} could be the master" if others else "; nor can another axis"
         raise RefusedError(f"{law} cannot have {names[axis]} for its master: it {why}{rest}")
-    grid, value, slope = _rows(path, axis)
+    grid, value, slope, _ = _rows(path, axis)
     low, high = _ends(path, axis, grid, value, slope)
     centre, amplitude = 0.5 * (low + high), 0.5 * (high - low)
     rotational = bool(np.any(slope > 0.0) and np.any(slope < 0.0))
@@ -146,9 +146,8 @@ def why_not_master(path: Contour, axis: int) -> str:
     axis
         Which axis.
     """
-    grid, value, slope = _rows(path, axis)
+    grid, value, slope, extent = _rows(path, axis)
     steepest = np.max(np.abs(slope))
-    extent = np.max(np.abs(np.asarray(path_rows(path, grid, 2))[:, 1]))
     if not steepest > STILL * max(extent, 1e-300):
         return "does not move along this path"
     still = np.abs(slope) <= STILL * steepest
@@ -210,10 +209,11 @@ def _slowness(model: NominalModel) -> NDArray[Any]:
     return slow * (1.0 + 1e-9 * mass / gain)  # type: ignore[no-any-return]
 
 
-def _rows(path: Contour, axis: int) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+def _rows(path: Contour, axis: int) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], float]:
+    """Return where the path is looked at, a coordinate and its slope, and the steepest of all."""
     grid = path_grid(path)
-    rows = np.asarray(path_rows(path, grid, 2))
-    return grid, rows[:, 0, axis], rows[:, 1, axis]
+    rows = np.asarray(path_rows(path, grid, 1))
+    return grid, rows[:, 0, axis], rows[:, 1, axis], float(np.max(np.abs(rows[:, 1])))
 
 
 def _turning_points(

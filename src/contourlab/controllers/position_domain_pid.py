@@ -2,7 +2,8 @@
 
     u = kp e + ki ∫ e ds + kd de/ds,      e = f(s) - y,                                  (P)
 
-with s the way of the master: its position where it only rises or only falls, R θ where it swings
+with s the way of the master: its position where it only rises or only falls, S p where it swings,
+p being its place on the path and S its steepest slope, so that this is R θ on a circle
 (:mod:`~contourlab.controllers.position_domain`). In discrete form the integral grows by e Δs and
 the derivative is Δe/Δs, Δs being the master's way since the last sample. At a speed v of the master
 this is a PID in time with the gains ki v and kd/v: it grows slack where the master is slow, and
