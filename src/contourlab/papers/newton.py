@@ -69,7 +69,8 @@ ASSUMED = (
     "Sample time: 0.02 ms, and 0.002 ms where the estimate runs at k' = 500 per ms; 0.05 ms for "
     "the spread of parameters and for three axes, 0.1 ms for Theorem 1.",
     "With the printed form of the disturbance estimate B with h_r = 100 and C leave the boundary "
-    "layer also after the start: |D|, with what the estimate adds, is then beyond kappa mu.",
+    "layer also after the start. The return into it is proven only while |D|, with what the "
+    "estimate adds, is below kappa mu.",
 )
 
 
