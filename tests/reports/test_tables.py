@@ -5,10 +5,11 @@ import io
 import json
 
 import numpy as np
+import pytest
 from rich.console import Console
 
 from contourlab.machines import ball_screw_stage
-from contourlab.reports import comparison_json, comparison_table, run_json
+from contourlab.reports import comparison_json, print_table, run_json
 from contourlab.reports.drawing import make_drawing
 from contourlab.reports.wording import result_sentences, significant, table_columns
 from contourlab.simulation import Comparison
@@ -18,7 +19,7 @@ from contourlab.units import to_um
 def shown(comparison, width=100, encoding="ascii"):
     raw = io.BytesIO()
     text = io.TextIOWrapper(raw, encoding=encoding, newline="\n")
-    Console(file=text, width=width, no_color=True).print(comparison_table(comparison))
+    print_table(Console(file=text, width=width, no_color=True), comparison)
     text.flush()
     return raw.getvalue().decode(encoding)
 
@@ -39,6 +40,32 @@ def test_table_fits_eighty_columns(comparison):
     lines = shown(comparison, width=80).splitlines()
     assert max(map(len, lines)) <= 80
     assert any("integral_sliding_mode" in line for line in lines)
+
+
+@pytest.mark.parametrize("width", [80, 40, 20])
+def test_no_number_is_cut_however_narrow_the_terminal(made, width):
+    """Long names, errors in mm, times, and a status of many words."""
+    reference, _ = made.travel(made.bracket_path(), 0.2)
+    names = ("integral_sliding_mode_of_the_2nd", "a name of many words that is long")
+    recordings = {
+        name: made.recording(reference, name, size, limit=1.0, diverged=diverged)
+        for name, size, diverged in zip(names, (1.2345e-2, 2.3456e-3), (None, 1.9), strict=True)
+    }
+    comparison = Comparison(recordings, reference, ball_screw_stage())
+    lines = shown(comparison, width=width).splitlines()
+    assert width < 80 or max(map(len, lines)) <= 80
+    columns = [c for c in table_columns(comparison) if not c.group.startswith("command")]
+    numbers = [c.cells[0].text for c in columns if c.name != "cycle"]  # one cycle time for all
+    assert numbers[0] == "4689"
+    assert len(numbers) == 6
+    (row,) = [line.split() for line in lines if "4689" in line]
+    assert [word for word in row if word[0].isdigit()] == numbers
+    assert "…" not in "".join(lines)
+    # names over several lines, but all of them
+    end = next(line.index("contour") for line in lines if "contour" in line)
+    first = "".join(line[:end].strip("| ") for line in lines)
+    assert names[0] in first
+    assert names[1].replace(" ", "") in first.replace(" ", "")
 
 
 def test_equal_values_are_not_marked(made):

@@ -73,7 +73,11 @@ def compare(
     """Run every controller of a scenario on the same part, on every machine of it."""
     from contourlab.cli.output import comparison_files, refuse_files, write_comparison
     from contourlab.cli.progress import RunProgress
-    from contourlab.reports import comparison_json, comparison_table, spread_table
+    from contourlab.reports import (
+        comparison_json,
+        print_table,
+        spread_table,
+    )
     from contourlab.scenarios import read_scenario
 
     _prepare()
@@ -92,7 +96,7 @@ def compare(
     from rich.console import Console
 
     console = Console()
-    console.print(comparison_table(result))
+    print_table(console, result)
     spread = spread_table(result)
     if spread is not None:
         console.print(spread)
@@ -134,7 +138,7 @@ def simulate(
         write_recording,
     )
     from contourlab.cli.progress import RunProgress
-    from contourlab.reports import comparison_table, run_json
+    from contourlab.reports import print_table, run_json
     from contourlab.scenarios import read_scenario
     from contourlab.simulation import Comparison
     from contourlab.simulation import simulate as run
@@ -167,7 +171,8 @@ def simulate(
         return
     from rich.console import Console
 
-    Console().print(comparison_table(Comparison({name: recording}, setup.reference, setup.machine)))
+    alone = Comparison({name: recording}, setup.reference, setup.machine)
+    print_table(Console(), alone)
     _say([*ignored, *recording.warnings])
     if output is not None:
         typer.echo(f"recording: {output}")

@@ -27,7 +27,13 @@ from contourlab.reports.reproduction import (
     reproduction_table,
     write_paper_figures,
 )
-from contourlab.reports.tables import comparison_json, comparison_table, run_json, spread_table
+from contourlab.reports.tables import (
+    comparison_json,
+    comparison_table,
+    print_table,
+    run_json,
+    spread_table,
+)
 
 __all__ = [
     "ACCURACY_FILES",
@@ -44,6 +50,7 @@ __all__ = [
     "evaluation_tables",
     "identification_json",
     "identification_table",
+    "print_table",
     "reproduction_json",
     "reproduction_notes",
     "reproduction_table",

@@ -16,6 +16,7 @@ from contourlab.reports.spread_table import (
 from contourlab.reports.wording import NONE, Cell, Column, table_columns
 
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
@@ -24,14 +25,23 @@ if TYPE_CHECKING:
     from contourlab.simulation.comparison import Comparison
 
 WHOLE_NAME = 30
-"""Names up to this length are not broken over lines."""
+"""Names up to this length are not broken over lines of the spread, which is narrow."""
+LEAST_NAME = 6
+"""Columns to which names and statuses may shrink before a table gets wider than the terminal."""
 TERMINAL_SPREADS = 2
 """So many metrics of the spread have room in 80 columns."""
 
-__all__ = ["ascii_text", "comparison_json", "comparison_table", "run_json", "spread_table"]
+__all__ = [
+    "ascii_text",
+    "comparison_json",
+    "comparison_table",
+    "print_table",
+    "run_json",
+    "spread_table",
+]
 
 
-def comparison_table(comparison: Comparison) -> Table:
+def comparison_table(comparison: Comparison, *, width: int = 80) -> Table:
     """Return the errors as a table for the terminal, in µm; the report has the other figures.
 
     The best value of a column is bold and carries a star. Its words are ASCII, and its lines where
@@ -42,6 +52,9 @@ def comparison_table(comparison: Comparison) -> Table:
     ----------
     comparison
         With one recording or more.
+    width
+        Columns of the terminal: where they are few statuses break over lines, then names, and
+        numbers never; the table may then be wider.
     """
     from rich import box
     from rich.table import Table
@@ -55,16 +68,24 @@ def comparison_table(comparison: Comparison) -> Table:
                   pad_edge=False, collapse_padding=True)  # fmt: skip
     columns = [column for column in table_columns(comparison) if _in_terminal(column)]
     pairs = [comparison.pair(name) for name in comparison.recordings]
-    longest = max(len(ascii_text(name)) for _, name in pairs)
-    table.add_column("controller", overflow="fold", no_wrap=longest <= WHOLE_NAME)
+    short = all(len(r.status) <= len("normal") for r in comparison.recordings.values())
+    told = not (comparison.several and short)  # names of machines take the room
+    table.add_column("controller", overflow="fold")
     for column in columns:
         words = (*column.group.split(), column.name, f"[{column.unit}]")
         head = Text("\n".join(ascii_text(word) for word in words))
-        table.add_column(head, justify="right", no_wrap=True)
-    short = all(len(r.status) <= len("normal") for r in comparison.recordings.values())
-    told = not (comparison.several and short)  # names of machines take the room
+        widest = max(*map(len, words), *(len(_cell(cell)) for cell in column.cells))
+        table.add_column(head, justify="right", no_wrap=True, min_width=widest)
     if told:
-        table.add_column("status", overflow="fold", no_wrap=short)
+        table.add_column("status", overflow="fold")
+    room = width - 1 - 2 * len(table.columns) - sum(c.min_width or 0 for c in table.columns)
+    longest = max(len(ascii_text(name)) for _, name in pairs)
+    if told:
+        status = max(len(ascii_text(r.status)) for r in comparison.recordings.values())
+        status = max(min(status, room - longest), LEAST_NAME)
+        table.columns[-1].width = status
+        room -= status
+    table.columns[0].width = min(max(longest, len("controller")), max(room, LEAST_NAME))
     for row, recording in enumerate(comparison.recordings.values()):
         machine, name = pairs[row]
         if comparison.several and (row == 0 or machine != pairs[row - 1][0]):
@@ -75,6 +96,24 @@ def comparison_table(comparison: Comparison) -> Table:
         status = Text(ascii_text(recording.status), style="bold red" if recording.diverged else "")
         table.add_row(Text(ascii_text(name)), *cells, *([status] if told else []))
     return table
+
+
+def print_table(console: Console, comparison: Comparison) -> None:
+    """Print a comparison, wider than the terminal rather than with numbers cut.
+
+    Parameters
+    ----------
+    console
+        Where.
+    comparison
+        With one recording or more.
+    """
+    terminal = console.width
+    table = comparison_table(comparison, width=terminal)
+    taken = sum((column.width or column.min_width or 0) + 2 for column in table.columns)
+    console.width = max(terminal, taken + 1)
+    console.print(table)
+    console.width = terminal
 
 
 def spread_table(comparison: Comparison) -> Table | None:
