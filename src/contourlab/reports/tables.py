@@ -81,10 +81,10 @@ def comparison_table(comparison: Comparison, *, width: int = 80) -> Table:
     room = width - 1 - 2 * len(table.columns) - sum(c.min_width or 0 for c in table.columns)
     longest = max(len(ascii_text(name)) for _, name in pairs)
     if told:
-        status = max(len(ascii_text(r.status)) for r in comparison.recordings.values())
-        status = max(min(status, room - longest), LEAST_NAME)
-        table.columns[-1].width = status
-        room -= status
+        needed = max(len(ascii_text(r.status)) for r in comparison.recordings.values())
+        left = max(min(needed, room - longest), LEAST_NAME)
+        table.columns[-1].width = left
+        room -= left
     table.columns[0].width = min(max(longest, len("controller")), max(room, LEAST_NAME))
     for row, recording in enumerate(comparison.recordings.values()):
         machine, name = pairs[row]
