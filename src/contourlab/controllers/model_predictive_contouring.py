@@ -22,11 +22,12 @@ planned velocity, and a disturbance that an observer finds from positions
 acceleration and contour error, and the one on stopping, are soft: a start beyond them, or a
 disturbance, makes the law return as fast as ``limit_penalty`` says, and the status tells. The
 contour error is limited as the plan sees it, to first order in its change, and the lag with it,
-since at a corner what was across the path is along it; in space in two directions across.
+since at a corner what was across the path is along it; in space by an octagon across the path that
+lies within the circle and is a thirteenth less at its flats.
 
 **When a solve fails** the law goes on with its last plan, and brakes where that ends. A measurement
-that is not finite is replaced by what the model predicts, for as long as that lasts. The status
-tells of both.
+that is not finite is replaced by what the model predicts. After ``lost_samples`` of them in a row
+the law brakes to a stop on the path, on its model alone, and stays there. The status tells of all.
 
 A corner is approached no faster than the axes can slow down for it, and at the end of the horizon
 the speed must be one from which they can slow down for every turn ahead, and stop
@@ -45,9 +46,6 @@ stopping condition and the observer are ours.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
-
-import jax
 import jax.numpy as jnp
 from jaxtyping import Float
 
@@ -58,62 +56,23 @@ from contourlab.controllers.axis_controller import (
     refuse_no_model,
     refuse_position_command,
 )
-from contourlab.controllers.base import BoundController, Controller, Needs
+from contourlab.controllers.base import Controller, Needs
 from contourlab.controllers.held_model import held_axes
-from contourlab.controllers.model_predictive_contouring_axes import (
-    Observed,
-    Observer,
-    observer,
-)
-from contourlab.controllers.model_predictive_contouring_path import ProgressPath, progress_path
+from contourlab.controllers.model_predictive_contouring_axes import observer
+from contourlab.controllers.model_predictive_contouring_law import BoundModelPredictiveContouring
+from contourlab.controllers.model_predictive_contouring_path import progress_path
 from contourlab.controllers.model_predictive_contouring_program import (
     ContouringProgram,
     Limits,
-    Plan,
-    Weights,
+    command_ranges,
 )
-from contourlab.controllers.model_predictive_contouring_speed import SafeSpeed, safe_speed
-from contourlab.controllers.quadratic_program import (
-    Multipliers,
-    StagedProgram,
-    solve_program,
-)
+from contourlab.controllers.model_predictive_contouring_speed import safe_speed, turn_in_length
+from contourlab.controllers.model_predictive_contouring_weights import natural_weights
 from contourlab.errors import ConfigurationError, RefusedError
 from contourlab.machines.base import NominalModel
-from contourlab.recordings.sample import Sample
-from contourlab.typing import Array, AxisVector, Count, Flag, Scalar
+from contourlab.typing import Array, Scalar
 
-__all__ = ["BoundModelPredictiveContouring", "ModelPredictiveContouring"]
-
-EXCEEDED = 1e-3
-"""Share of a soft limit from which on it counts as exceeded."""
-
-
-class PredictiveState(NamedTuple):
-    """What the law remembers."""
-
-    observed: Observed
-    """Expected of the axes at the next sample."""
-    progress: Scalar
-    """s at the next sample [m]."""
-    end: Scalar
-    """s at which to stop [m]."""
-    inputs: Array
-    """The plan from the next sample on, (n_stages, n_inputs)."""
-    velocities: Array
-    """Planned with it, (n_stages, n_axes)."""
-    applied: Array
-    """The last inputs, (n_inputs,)."""
-    multipliers: Multipliers
-    """Of the last solution, shifted."""
-    piece: Count
-    """Of the contour, where the last plan began."""
-    error: AxisVector
-    """From the tool to the contour, as believed at the last sample [m]."""
-    iterations: Count
-    status: Count
-    arrived: Count
-    """1 if it stands at the end; int32."""
+__all__ = ["ModelPredictiveContouring"]
 
 
 class ModelPredictiveContouring(Controller):
@@ -128,9 +87,10 @@ class ModelPredictiveContouring(Controller):
     horizon
         N >= 2, samples.
     contour_weight, lag_weight
-        q_c and q_l, > 0 [1/m²].
+        q_c and q_l, > 0 [1/m²]; if not given by the size of the machine
+        (:mod:`~contourlab.controllers.model_predictive_contouring_weights`), as are the next three.
     progress_reward
-        γ, > 0 [s/m]: what a sample at 1 m/s is worth.
+        γ, > 0 [s/m]: what a sample at 1 m/s is worth; 1 / v_max if not given.
     command_change_weight
         R of the commands, > 0, one number or one per axis [1/command²].
     speed_change_weight
@@ -148,15 +108,21 @@ class ModelPredictiveContouring(Controller):
     braking_share
         Share, above 0 to 1, of the deceleration by the command limit (and of the acceleration
         limit) that slowing down and stopping after the horizon may count on.
+    observe_disturbance
+        Whether what the model does not know is found and planned for; without, the observer finds
+        velocities alone.
     observer_bandwidth_hz
-        Of the observer, > 0, one number or one per axis [Hz].
+        Of the observer, > 0, one number or one per axis [Hz]; a tenth of the sampling rate if not
+        given.
     friction_compensation
         Share, 0 to 1, of the model's Coulomb friction that is planned for.
     friction_velocity
-        Width of the smooth sign, > 0 [m/s].
+        Width of the smooth sign, > 0 [m/s]; a fiftieth of v_max if not given.
     arrival_tolerance
         Distance from the end, and greatest way over a sample, at which the law has arrived, > 0
-        [m].
+        [m]; 0.03 v_max T if not given.
+    lost_samples
+        Measurements lost in a row, >= 1, after which the law stops on the path and stays there.
     passes
         Programs a sample, >= 1, each about the solution of the one before.
     max_iterations
@@ -173,21 +139,23 @@ class ModelPredictiveContouring(Controller):
     model: NominalModel = part()
     speed_limit: Scalar = real(unit="m/s", above=0.0, ndim=0)
     horizon: int = static(minimum=2, default=20)
-    contour_weight: Scalar = real(above=0.0, ndim=0, default=1e9)
-    lag_weight: Scalar = real(above=0.0, ndim=0, default=1e8)
-    progress_reward: Scalar = real(above=0.0, ndim=0, default=20.0)
-    command_change_weight: Float[Array, " ..."] = real(above=0.0, default=1e-4)
-    speed_change_weight: Scalar = real(above=0.0, ndim=0, default=100.0)
+    contour_weight: Scalar | None = real(above=0.0, ndim=0, default=None)
+    lag_weight: Scalar | None = real(above=0.0, ndim=0, default=None)
+    progress_reward: Scalar | None = real(above=0.0, ndim=0, default=None)
+    command_change_weight: Float[Array, " ..."] | None = real(above=0.0, default=None)
+    speed_change_weight: Scalar | None = real(above=0.0, ndim=0, default=None)
     velocity_limit: Float[Array, " ..."] | None = real(unit="m/s", above=0.0, default=None)
     acceleration_limit: Float[Array, " ..."] | None = real(unit="m/s^2", above=0.0, default=None)
     command_step_limit: Float[Array, " ..."] | None = real(above=0.0, default=None)
     contour_error_limit: Scalar | None = real(unit="m", above=0.0, ndim=0, default=None)
     limit_penalty: Scalar = real(above=0.0, ndim=0, default=100.0)
     braking_share: Scalar = real(above=0.0, maximum=1.0, ndim=0, default=0.8)
-    observer_bandwidth_hz: Float[Array, " ..."] = real(unit="Hz", above=0.0, default=20.0)
+    observe_disturbance: bool = static(flag=True, default=True)
+    observer_bandwidth_hz: Float[Array, " ..."] | None = real(unit="Hz", above=0.0, default=None)
     friction_compensation: Float[Array, " ..."] = real(minimum=0.0, maximum=1.0, default=1.0)
-    friction_velocity: Float[Array, " ..."] = real(unit="m/s", above=0.0, default=1e-3)
-    arrival_tolerance: Scalar = real(unit="m", above=0.0, ndim=0, default=1e-5)
+    friction_velocity: Float[Array, " ..."] | None = real(unit="m/s", above=0.0, default=None)
+    arrival_tolerance: Scalar | None = real(unit="m", above=0.0, ndim=0, default=None)
+    lost_samples: int = static(minimum=1, default=10)
     passes: int = static(minimum=1, default=1)
     max_iterations: int = static(minimum=1, default=30)
 
@@ -244,6 +212,7 @@ class ModelPredictiveContouring(Controller):
             return None if getattr(self, name) is None else each(name)
 
         axes = held_axes(model, sample_time)
+        speed, time = jnp.asarray(self.speed_limit), jnp.asarray(sample_time)
         acceleration = optional("acceleration_limit")
         command = jnp.asarray(model.command_limit)
         braking = command * model.gain / model.mass
@@ -251,7 +220,7 @@ class ModelPredictiveContouring(Controller):
             braking = jnp.minimum(braking, acceleration)
         limits = Limits(
             command=command,
-            speed=jnp.asarray(self.speed_limit),
+            speed=speed,
             command_step=optional("command_step_limit"),
             velocity=optional("velocity_limit"),
             acceleration=acceleration,
@@ -259,226 +228,30 @@ class ModelPredictiveContouring(Controller):
             braking=self.braking_share * jnp.min(braking),
             penalty=self.limit_penalty,
         )
-        change = each("command_change_weight")
-        weights = Weights(
-            contour=self.contour_weight,
-            lag=self.lag_weight,
-            reward=self.progress_reward,
-            change=jnp.append(change, self.speed_change_weight),
-        )
+        ranges = command_ranges(axes, limits)
+        ample = jnp.min(ranges * axes.velocity_from_command) / time
+        natural = jnp.where(jnp.isfinite(jnp.min(braking)), jnp.min(braking), ample)
+        weights = natural_weights(
+            speed, natural, ranges, time, contour=self.contour_weight, lag=self.lag_weight,
+            reward=self.progress_reward, command_change=optional("command_change_weight"),
+            speed_change=self.speed_change_weight,
+        )  # fmt: skip
         path = progress_path(contour)
-        friction = each("friction_compensation") * model.coulomb / model.gain
+        turn_in = turn_in_length(speed, time, self.contour_error_limit)
+        bandwidth, width = optional("observer_bandwidth_hz"), optional("friction_velocity")
+        tolerance = self.arrival_tolerance
         return BoundModelPredictiveContouring(
             path=path,
-            safe=safe_speed(path, limits.braking),
-            observer=observer(axes, each("observer_bandwidth_hz"), sample_time),
-            planner=ContouringProgram(
-                axes, weights, limits, jnp.asarray(sample_time), self.horizon
+            safe=safe_speed(path, limits.braking, turn_in),
+            observer=observer(
+                axes, 0.1 / time if bandwidth is None else bandwidth, time,
+                disturbance=self.observe_disturbance,
             ),
-            friction=friction,
-            friction_velocity=each("friction_velocity"),
-            arrival_tolerance=self.arrival_tolerance,
+            planner=ContouringProgram(axes, weights, limits, time, self.horizon),
+            friction=each("friction_compensation") * model.coulomb / model.gain,
+            friction_velocity=jnp.full(n, 0.02 * speed) if width is None else width,
+            arrival_tolerance=0.03 * speed * time if tolerance is None else tolerance,
             passes=self.passes,
             max_iterations=self.max_iterations,
-        )
-
-
-class BoundModelPredictiveContouring(BoundController):
-    """The discretised law; made by :meth:`ModelPredictiveContouring.bind`."""
-
-    path: ProgressPath = part()
-    safe: SafeSpeed = part()
-    observer: Observer = part()
-    planner: ContouringProgram = part()
-    friction: Float[Array, " ..."] = real(ndim=1)
-    """Command against Coulomb friction."""
-    friction_velocity: Float[Array, " ..."] = real(unit="m/s", ndim=1)
-    arrival_tolerance: Scalar = real(unit="m")
-    passes: int = static()
-    max_iterations: int = static()
-
-    statuses = (
-        "normal",
-        "a limit is exceeded in the plan",
-        "measurement not finite, the model's taken",
-        "no solution found, the last plan goes on",
-    )
-
-    def init(self, sample: Sample) -> PredictiveState:
-        """Return the state before the first step.
-
-        Parameters
-        ----------
-        sample
-            The first sample.
-        """
-        n, big = self.planner.n_axes, self.planner.n_stages
-        zero = jnp.zeros_like(sample.position)
-        start = self.path.progress(sample.reference.parameter)
-        turns = jnp.floor(start / self.path.length) if self.path.contour.closed else 0.0
-        start = start - turns * self.path.length
-        end = start + self.path.length if self.path.contour.closed else self.path.length
-        inputs = jnp.zeros((big, n + 1))
-        whole = jnp.zeros((), jnp.int32)
-        points, piece = self.path.points(jnp.full(big, start), whole)
-        shape = jax.eval_shape(
-            lambda: self.planner.program(
-                Plan(jnp.zeros((big + 1, n)), jnp.zeros((big + 1, n)), jnp.zeros(big + 1), inputs),
-                points, jnp.zeros(n + 1), end, self.safe,
-            ).lower
-        ).shape  # fmt: skip
-        none = jnp.zeros((2, *shape))
-        # a first measurement that is lost would be with the observer for ever
-        known = jnp.isfinite(sample.position)
-        position = jnp.where(known, sample.position, sample.reference.position)
-        return PredictiveState(
-            Observed(position, zero, zero), start, jnp.asarray(end), inputs,
-            jnp.zeros((big, n)), jnp.zeros(n + 1), Multipliers(none, none, none, none), piece,
-            zero, whole, whole, whole,
+            lost_samples=self.lost_samples,
         )  # fmt: skip
-
-    def step(self, state: PredictiveState, sample: Sample) -> tuple[AxisVector, PredictiveState]:
-        """Return the command, shape (n_axes,), and the new state.
-
-        Parameters
-        ----------
-        state
-            As ``init`` or the last ``step`` returned it.
-        sample
-            This instant; its position, and at the start the reference's parameter.
-        """
-        planner, n = self.planner, self.planner.n_axes
-        now, plan, friction = self._before(state, sample)
-        measured = jnp.isfinite(sample.position)
-        piece = state.piece
-        kept = plan
-        multipliers = state.multipliers
-        good: Array = jnp.ones((), bool)
-        over: Array = jnp.zeros(())
-        iterations: Array = jnp.zeros((), jnp.int32)
-        here: Any = None
-        for _ in range(self.passes):
-            points, piece = self.path.points(plan.progress, piece)
-            here = jax.tree.map(lambda x: x[0], points) if here is None else here
-            ahead = jax.tree.map(lambda x: x[1:], points)
-            program = planner.program(plan, ahead, state.applied, state.end, self.safe)
-            found = solve_program(
-                program, jnp.zeros((planner.n_stages, n + 1)), warm=multipliers,
-                max_iterations=self.max_iterations,
-            )  # fmt: skip
-            fine = found.converged & jnp.all(jnp.isfinite(found.inputs)) & good
-            plan = _either(fine, planner.moved(plan, found.states, found.inputs), plan)
-            multipliers = _either(fine, found.multipliers, multipliers)
-            over = jnp.max(found.multipliers.excess)
-            iterations, good = iterations + found.iterations, fine
-        plan = _either(good, plan, kept)
-        limit = planner.limits.command
-        applied = plan.inputs[0].at[:n].set(jnp.clip(plan.inputs[0, :n], -limit, limit))
-        # what the axes feel of friction is part of what is predicted, not of what is observed
-        felt = applied[:n] - friction
-        error = here.position - now.position
-        status = jnp.where(over > EXCEEDED, 1, 0)
-        status = jnp.where(jnp.all(measured), status, 2)
-        status = jnp.where(good, status, 3).astype(jnp.int32)
-        return applied[:n], PredictiveState(
-            observed=self.observer.predict(now, felt),
-            progress=jnp.minimum(plan.progress[1], state.end),
-            end=state.end,
-            inputs=jnp.concatenate([plan.inputs[1:], self._tail(plan, good)[None]]),
-            velocities=jnp.concatenate([plan.velocities[2:], plan.velocities[-1:]]),
-            applied=applied,
-            multipliers=jax.tree.map(_shifted, multipliers),
-            piece=piece,
-            error=error - here.tangent * (here.tangent @ error),
-            iterations=iterations,
-            status=status,
-            arrived=jnp.asarray(self._arrived(now, state), jnp.int32),
-        )
-
-    def program_at(self, state: PredictiveState, sample: Sample) -> StagedProgram:
-        """Return the program that ``step`` solves first, scaled, for those who look into it.
-
-        Parameters
-        ----------
-        state, sample
-            As for ``step``.
-        """
-        _, plan, _ = self._before(state, sample)
-        points, _ = self.path.points(plan.progress[1:], state.piece)
-        return self.planner.program(plan, points, state.applied, state.end, self.safe)
-
-    def _before(self, state: PredictiveState, sample: Sample) -> tuple[Observed, Plan, AxisVector]:
-        """Return what is believed now, what is left of the last plan, and the friction now."""
-        measured = jnp.isfinite(sample.position)
-        position = jnp.where(measured, sample.position, state.observed.position)
-        now = self.observer.correct(state.observed, position)
-        friction = self.friction * jnp.tanh(state.velocities / self.friction_velocity)
-        plan = self.planner.roll_out(
-            now.position, now.velocity, state.progress, state.inputs, now.disturbance - friction
-        )
-        return now, plan, friction[0]
-
-    def _tail(self, plan: Plan, good: Flag) -> Array:
-        """Return the input after the plan: the last again, or braking if there is no solution."""
-        axes = self.planner.axes
-        limit = self.planner.limits.command
-        stop = -axes.velocity_from_velocity * plan.velocities[-1] / axes.velocity_from_command
-        stop = jnp.clip(stop, -limit, limit)
-        step = self.planner.limits.command_step
-        if step is not None:
-            before = plan.inputs[-1, :-1]
-            stop = jnp.clip(stop, before - step, before + step)
-        brake = jnp.append(stop, 0.0)
-        return jnp.where(good, plan.inputs[-1], brake)
-
-    def _arrived(self, now: Observed, state: PredictiveState) -> Flag:
-        tolerance = self.arrival_tolerance
-        goal = self.path.end_point(state.end)
-        away = jnp.sqrt(jnp.sum((now.position - goal) ** 2))
-        way = jnp.max(jnp.abs(now.velocity)) * self.planner.sample_time
-        return (state.progress >= state.end - tolerance) & (away <= tolerance) & (way <= tolerance)
-
-    def telemetry(self, state: PredictiveState) -> dict[str, Array]:
-        """Return the place on the path, its speed, the contour error, the disturbance found.
-
-        Parameters
-        ----------
-        state
-            As ``step`` returned it.
-        """
-        last = state.progress - self.planner.sample_time * state.applied[-1]
-        return {
-            "contour_error_estimate": state.error,
-            "path_parameter": jnp.asarray(self.path.parameter(last)),
-            "path_speed": state.applied[-1],
-            "disturbance": state.observed.disturbance,
-            "iterations": jnp.asarray(state.iterations),
-        }
-
-    def status(self, state: PredictiveState) -> Count:
-        """Return the status of the last step, an index into ``statuses``.
-
-        Parameters
-        ----------
-        state
-            As ``step`` returned it.
-        """
-        return state.status
-
-    def finished(self, state: PredictiveState) -> Flag:
-        """Return whether the axes stand at the end of the path.
-
-        Parameters
-        ----------
-        state
-            As ``step`` returned it.
-        """
-        return state.arrived == 1
-
-
-def _either(first: Flag, one: Any, other: Any) -> Any:
-    return jax.tree.map(lambda a, b: jnp.where(first, a, b), one, other)
-
-
-def _shifted(rows: Array) -> Array:
-    return jnp.concatenate([rows[:, 1:], rows[:, -1:]], axis=1)

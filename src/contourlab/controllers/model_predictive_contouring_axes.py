@@ -81,7 +81,9 @@ class Observer(eqx.Module):
         return Observed(position, velocity, now.disturbance)
 
 
-def observer(axes: HeldAxes, bandwidth_hz: Any, sample_time: Scalar) -> Observer:
+def observer(
+    axes: HeldAxes, bandwidth_hz: Any, sample_time: Scalar, *, disturbance: bool = True
+) -> Observer:
     """Return the observer with three equal poles on every axis (Ackermann's formula).
 
     Parameters
@@ -92,6 +94,8 @@ def observer(axes: HeldAxes, bandwidth_hz: Any, sample_time: Scalar) -> Observer
         f > 0 [Hz], one number or one per axis.
     sample_time
         T [s].
+    disturbance
+        Whether d is observed; without there are two poles, and d stays 0.
     """
     pole = jnp.exp(-2.0 * jnp.pi * bandwidth_hz * sample_time)
     zero, one = jnp.zeros_like(axes.position_from_position), 1.0
@@ -113,5 +117,12 @@ def observer(axes: HeldAxes, bandwidth_hz: Any, sample_time: Scalar) -> Observer
         shifted = matrix - pole * jnp.eye(3)
         return shifted @ (shifted @ (shifted @ last))
 
-    gains = jax.vmap(on_axis)(matrix, shown, jnp.broadcast_to(pole, zero.shape))
+    def without(matrix: Array, shown: Array, pole: Array) -> Array:
+        first, then = shown[:2], shown[:2] @ matrix[:2, :2]
+        last = jnp.stack([-first[1], first[0]]) / (first[0] * then[1] - first[1] * then[0])
+        shifted = matrix[:2, :2] - pole * jnp.eye(2)
+        return jnp.append(shifted @ (shifted @ last), 0.0)
+
+    rule = on_axis if disturbance else without
+    gains = jax.vmap(rule)(matrix, shown, jnp.broadcast_to(pole, zero.shape))
     return Observer(axes, gains[:, 0], gains[:, 1], gains[:, 2])

@@ -39,6 +39,8 @@ class PathPoint(NamedTuple):
     """Unit vector."""
     bend: Array
     """κ N, the derivative of the tangent over arc length [1/m]; right-sided at joints."""
+    piece: Count
+    """Of the contour."""
 
 
 class ProgressPath(eqx.Module):
@@ -84,8 +86,8 @@ class ProgressPath(eqx.Module):
         """
         return self.contour.arc_length(self.contour.domain[0], parameter)
 
-    def points(self, progress: Array, piece: Count) -> tuple[PathPoint, Count]:
-        """Return the contour at several places in order, and the piece that holds the first.
+    def points(self, progress: Array, piece: Count) -> PathPoint:
+        """Return the contour at several places in order.
 
         Parameters
         ----------
@@ -104,14 +106,14 @@ class ProgressPath(eqx.Module):
 
         _, pieces = jax.lax.scan(locate, jnp.asarray(piece, jnp.int32), parameters)
 
-        def point(parameter: Scalar, piece: Count) -> PathPoint:
+        def point(parameter: Any, piece: Any) -> PathPoint:
             d = self.contour.derivatives(parameter, 2, piece)
             tangent = unit(d[1])
             square = d[1] @ d[1]
             bend = (d[2] - tangent * (tangent @ d[2])) / jnp.where(square == 0.0, 1.0, square)
-            return PathPoint(d[0], tangent, bend)
+            return PathPoint(d[0], tangent, bend, piece)
 
-        return jax.vmap(point)(parameters, pieces), pieces[0]
+        return jax.vmap(point)(parameters, pieces)
 
     def end_point(self, progress: Scalar) -> AxisVector:
         """Return the point at one arc length, shape (n_axes,) [m].

@@ -26,10 +26,17 @@ from jaxtyping import Float
 from contourlab.controllers.held_model import HeldAxes
 from contourlab.controllers.model_predictive_contouring_path import PathPoint, tangent_normals
 from contourlab.controllers.model_predictive_contouring_speed import SafeSpeed
-from contourlab.controllers.quadratic_program import StagedProgram
-from contourlab.typing import Array, AxisVector, Scalar
+from contourlab.controllers.quadratic_program_stages import Dynamics, Rows, StagedProgram
+from contourlab.typing import Array, AxisVector, Flag, Scalar
 
-__all__ = ["ContouringProgram", "Limits", "Plan", "Weights"]
+__all__ = ["ContouringProgram", "Limits", "Plan", "Weights", "command_ranges"]
+
+EXCEEDED = 1e-3
+"""Share of a soft limit from which on it counts as exceeded."""
+OVERSPEED = 1e-2
+"""Share of v_max by which the speed that is safe at the end of the plan is missed, likewise."""
+HALF, WITHIN = 0.5**0.5, 0.9238795325112867
+"""cos(π/4), and cos(π/8): an octagon's flats over its corners."""
 
 
 class Weights(eqx.Module):
@@ -66,6 +73,22 @@ class Limits(eqx.Module):
     """Of exceeding a soft limit by itself, in rewards of one sample at full speed."""
 
 
+def command_ranges(axes: HeldAxes, limits: Limits) -> Array:
+    """Return how large commands may be, or, where there is no limit, what is ample.
+
+    Parameters
+    ----------
+    axes
+        The held model.
+    limits
+        Those of commands and speed count.
+    """
+    # what brings an axis to the speed limit in ten samples
+    ample = 0.1 * limits.speed / axes.velocity_from_command
+    bounded = jnp.isfinite(limits.command)
+    return jnp.where(bounded, jnp.where(bounded, limits.command, 1.0), ample)
+
+
 class Plan(NamedTuple):
     """A motion over the horizon, in SI."""
 
@@ -73,6 +96,54 @@ class Plan(NamedTuple):
     velocities: Float[Array, "n_stages_plus_one n_axes"]
     progress: Float[Array, " n_stages_plus_one"]
     inputs: Float[Array, "n_stages n_inputs"]
+
+
+class AxesDynamics(Dynamics):
+    """From (q, v, s, w before) and w to the next, in scaled units."""
+
+    axes: HeldAxes
+
+    @property
+    def n_states(self) -> int:
+        """Length of x."""
+        return 3 * len(self.axes.position_from_position) + 2
+
+    def ahead(self, y: Array) -> Array:
+        """Return x of the next stage, shape (n_x,).
+
+        Parameters
+        ----------
+        y
+            x and w, shape (n_y,).
+        """
+        n, n_x = len(self.axes.position_from_position), self.n_states
+        w = y[n_x:]
+        q, v = self.axes.after(y[:n], y[n : 2 * n], w[:n])
+        # scaled, a sample's way at full speed is 1
+        return jnp.concatenate([q, v, y[2 * n : 2 * n + 1] + w[n:], w])
+
+    def back(self, x: Array) -> Array:
+        """Return D' x, shape (n_y, ...).
+
+        Parameters
+        ----------
+        x
+            Shape (n_x, ...).
+        """
+        n, a = len(self.axes.position_from_position), self.axes
+        q, v, s, w = x[:n], x[n : 2 * n], x[2 * n : 2 * n + 1], x[2 * n + 1 :]
+
+        def times(one: Array, other: Array) -> Array:
+            shape = (n,) + (1,) * (x.ndim - 1)
+            return one.reshape(shape) * q + other.reshape(shape) * v
+
+        return jnp.concatenate([
+            times(a.position_from_position, a.velocity_from_position),
+            times(a.position_from_velocity, a.velocity_from_velocity),
+            s, jnp.zeros_like(w),
+            times(a.position_from_command, a.velocity_from_command) + w[:n],
+            s + w[n:],
+        ])  # fmt: skip
 
 
 class ContouringProgram(eqx.Module):
@@ -92,12 +163,7 @@ class ContouringProgram(eqx.Module):
     @property
     def input_scale(self) -> Array:
         """Units of commands and path speed, shape (n_inputs,)."""
-        limit, speed = self.limits.command, self.limits.speed
-        # what brings an axis to the speed limit in ten samples
-        ample = 0.1 * speed / self.axes.velocity_from_command
-        bounded = jnp.isfinite(limit)
-        commands = jnp.where(bounded, jnp.where(bounded, limit, 1.0), ample)
-        return jnp.append(commands, speed)
+        return jnp.append(command_ranges(self.axes, self.limits), self.limits.speed)
 
     @property
     def state_scale(self) -> Array:
@@ -156,20 +222,17 @@ class ContouringProgram(eqx.Module):
         safe
             How fast the axes may be; any speed if not given.
         """
-        dynamics = self._dynamics()
-        n_x, n_y = dynamics.shape
         hessians, gradients = jax.vmap(self._errors)(plan.positions[1:], path)
         change, slopes = self._changes(plan.inputs, before)
-        pad = n_y - n_x
-        first = jnp.zeros((1, n_x, n_x)), jnp.zeros((1, n_x))
-        on_states = jnp.concatenate([first[0], hessians[:-1]])
-        hessian = jnp.pad(on_states, ((0, 0), (0, pad), (0, pad))) + change
-        gradient = jnp.pad(jnp.concatenate([first[1], gradients[:-1]]), ((0, 0), (0, pad)))
-        rows, lower, upper, penalty = self._rows(plan, path, before, end, dynamics, safe)
+        scale = self.input_scale
+        top = jnp.append(self.limits.command, self.limits.speed)
+        bottom = jnp.append(-self.limits.command, 0.0)
         return StagedProgram(
-            hessian=hessian, gradient=gradient + slopes, terminal_hessian=hessians[-1],
-            terminal_gradient=gradients[-1], dynamics=dynamics, start=jnp.zeros(n_x),
-            rows=rows, lower=lower, upper=upper, penalty=penalty,
+            state_hessian=hessians, state_gradient=gradients, stage_hessian=change,
+            stage_gradient=slopes, dynamics=self._dynamics(),
+            start=jnp.zeros(3 * self.n_axes + 2),
+            lower=(bottom - plan.inputs) / scale, upper=(top - plan.inputs) / scale,
+            rows=self._rows(plan, path, before, end, safe),
         )  # fmt: skip
 
     def moved(self, plan: Plan, states: Array, inputs: Array) -> Plan:
@@ -189,23 +252,53 @@ class ContouringProgram(eqx.Module):
             plan.progress + x[:, 2 * n], plan.inputs + inputs * self.input_scale,
         )  # fmt: skip
 
-    def _dynamics(self) -> Array:
+    def exceeded(
+        self, program: StagedProgram, excess: Array, before: Plan, after: Plan, path: PathPoint
+    ) -> Flag:
+        """Return whether a solution exceeds a soft limit, by a share of it.
+
+        Of speeds those count that the last stage must have; at corners they only guide.
+
+        Parameters
+        ----------
+        program, excess
+            The program, and e of its solution.
+        before, after
+            The plan that it was made around, and that of the solution.
+        path
+            The contour at the stages of ``before``.
+        """
+        t = path.tangent[-1]
+        now = jnp.maximum(t @ before.velocities[-1], 0.0)
+        turned = t @ (after.velocities - before.velocities)[-1]
+        square = jnp.maximum(now**2 + 2.0 * now * turned, 0.0)
+        over = jnp.zeros((), bool)
+        soft = [rows for rows in program.rows if rows.penalty is not None]
+        for rows, part in zip(soft, program.soft_parts(excess), strict=True):
+            if rows.lower is not None:
+                over = over | (jnp.max(part) > EXCEEDED)
+            elif rows.over == "end":
+                # of the square of a speed: what is left of it without the excess is the limit's
+                allowed = jnp.sqrt(jnp.maximum(square - self._square * jnp.max(part), 0.0))
+                over = over | (jnp.sqrt(square) - allowed > OVERSPEED * self.limits.speed)
+        return over
+
+    def _dynamics(self) -> AxesDynamics:
         n, a = self.n_axes, self.axes
-        q, v, s, w = 0, n, 2 * n, 2 * n + 1
-        n_x = 3 * n + 2
-        d = jnp.zeros((n_x, n_x + n + 1))
-        i = jnp.arange(n)
-        d = d.at[q + i, q + i].set(a.position_from_position)
-        d = d.at[q + i, v + i].set(a.position_from_velocity)
-        d = d.at[q + i, n_x + i].set(a.position_from_command)
-        d = d.at[v + i, q + i].set(a.velocity_from_position)
-        d = d.at[v + i, v + i].set(a.velocity_from_velocity)
-        d = d.at[v + i, n_x + i].set(a.velocity_from_command)
-        d = d.at[s, s].set(1.0).at[s, n_x + n].set(self.sample_time)
-        j = jnp.arange(n + 1)
-        d = d.at[w + j, n_x + j].set(1.0)
-        scale = self.state_scale
-        return d * jnp.concatenate([scale, self.input_scale]) / scale[:, None]
+        q, v = self.state_scale[:n], self.state_scale[n : 2 * n]
+        u = self.input_scale[:n]
+        return AxesDynamics(HeldAxes(
+            a.position_from_position, a.position_from_velocity * v / q,
+            a.velocity_from_position * q / v, a.velocity_from_velocity,
+            a.position_from_command * u / q, a.velocity_from_command * u / v,
+        ))  # fmt: skip
+
+    @property
+    def _square(self) -> Array:
+        """Unit of squares of speeds [m²/s²]: at full speed, or lost by braking over a sample."""
+        speed, braking = self.limits.speed, jnp.asarray(self.limits.braking)
+        braking = jnp.where(jnp.isfinite(braking), braking, 0.0)
+        return jnp.asarray(speed**2 + 2.0 * braking * speed * self.sample_time)
 
     @property
     def _unit(self) -> Array:
@@ -213,19 +306,18 @@ class ContouringProgram(eqx.Module):
         return jnp.asarray(self.weights.reward * self.limits.speed)
 
     def _errors(self, position: AxisVector, path: PathPoint) -> tuple[Array, Array]:
-        """Return Hessian and gradient over x of the cost of errors at one stage."""
+        """Return Hessian and gradient over (q, v, s) of the cost of errors at one stage."""
         n, length = self.n_axes, self.limits.speed * self.sample_time
         t = path.tangent
         e = (path.position - position) / length
         bend = path.bend * length
         lag = t @ e
         across = e - t * lag
-        n_x = 3 * n + 2
-        d_lag = jnp.zeros(n_x).at[:n].set(-t).at[2 * n].set(1.0 + bend @ e)  # (1)
-        d_across = (
-            jnp.zeros((n, n_x)).at[:, :n].set(t[:, None] * t - jnp.eye(n)).at[:, 2 * n]
-            .set(-bend * lag)
-        )  # fmt: skip
+        still = jnp.zeros(n)  # velocities do not count
+        d_lag = jnp.concatenate([-t, still, (1.0 + bend @ e)[None]])  # (1)
+        d_across = jnp.concatenate(
+            [t[:, None] * t - jnp.eye(n), jnp.zeros((n, n)), -bend[:, None] * lag], axis=1
+        )
         size = 2.0 * length**2 / self._unit
         contour, along = size * self.weights.contour, size * self.weights.lag
         hessian = contour * d_across.T @ d_across + along * d_lag[:, None] * d_lag
@@ -245,70 +337,61 @@ class ContouringProgram(eqx.Module):
         return difference.T @ (r[:, None] * difference), slopes.at[:, -1].add(-1.0)
 
     def _rows(
-        self, plan: Plan, path: PathPoint, before: Array, end: Scalar, dynamics: Array,
-        safe: SafeSpeed | None,
-    ) -> tuple[Array, Array, Array, Array]:  # fmt: skip
-        """Return rows over y with their bounds, (N, n_rows, n_y), and penalties."""
-        n, limits, big = self.n_axes, self.limits, self.n_stages
-        n_x, n_y = dynamics.shape
-        m = n + 1
-        scale = self.input_scale
-        pick = jnp.eye(n_y)
-        inputs = plan.inputs / scale
-        found: list[tuple[Array, Array, Array, Array]] = []
+        self, plan: Plan, path: PathPoint, before: Array, end: Scalar, safe: SafeSpeed | None
+    ) -> tuple[Rows, ...]:
+        """Return the rows of deviations, with what is left to their limits."""
+        n, limits = self.n_axes, self.limits
+        n_x = 3 * n + 2
+        scale, length = self.input_scale, limits.speed * self.sample_time
+        dynamics = self._dynamics()
+        pick = jnp.eye(n_x + n + 1)
+        found: list[Rows] = []
 
-        def add(rows: Array, value: Array, lower: Array, upper: Array, penalty: Array) -> None:
-            # rows give the deviation of a value; bounds are of the value, shape (N, k)
-            k = value.shape[1]
-            found.append((
-                jnp.broadcast_to(rows, (big, k, n_y)), lower - value, upper - value,
-                jnp.broadcast_to(penalty, (k,)),
-            ))  # fmt: skip
+        def add(over: str, normals: Array, value: Array, *, both: bool, soft: bool) -> None:
+            # normals give the deviation of a value whose limit is 1, or 0 if there is one side
+            normals = jnp.broadcast_to(normals, (*value.shape, normals.shape[-1]))
+            penalty = jnp.broadcast_to(limits.penalty, value.shape[-1:]) if soft else None
+            upper, lower = (1.0 - value, -1.0 - value) if both else (-value, None)
+            found.append(Rows(over, normals, upper, lower, penalty))
 
-        hard, soft = jnp.asarray(jnp.inf), jnp.asarray(limits.penalty)
-        top = jnp.append(limits.command, limits.speed) / scale
-        add(pick[n_x:], inputs, jnp.append(-top[:n], 0.0), top, hard)
         if limits.command_step is not None:
-            step = limits.command_step / scale[:n]
-            last = jnp.concatenate([before[None], plan.inputs[:-1]]) / scale
-            rows = pick[n_x : n_x + n] - pick[n_x - m : n_x - 1]
-            add(rows, (inputs - last)[:, :n], -step, step, hard)
-        following = dynamics[n : 2 * n]  # velocities one sample later
+            step = limits.command_step
+            last = jnp.concatenate([before[None], plan.inputs[:-1]])
+            now, then = pick[n_x : n_x + n], pick[n_x - n - 1 : n_x - 1]
+            rows = (scale[:n] / step)[:, None] * (now - then)
+            add("stage", rows, (plan.inputs - last)[:, :n] / step, both=True, soft=False)
         if limits.velocity is not None:
             ratio = limits.speed / limits.velocity
-            value = plan.velocities[1:] / limits.velocity
-            one = jnp.ones(n)
-            add(ratio[:, None] * following, value, -one, one, soft)
+            rows = ratio[:, None] * jnp.eye(2 * n)[n:]
+            add("state", rows, plan.velocities[1:] / limits.velocity, both=True, soft=True)
         if limits.acceleration is not None:
-            ratio = limits.speed / (limits.acceleration * self.sample_time)
-            value = jnp.diff(plan.velocities, axis=0) / (limits.acceleration * self.sample_time)
-            one = jnp.ones(n)
-            add(ratio[:, None] * (following - pick[n : 2 * n]), value, -one, one, soft)
+            most = limits.acceleration * self.sample_time
+            following = dynamics.back(jnp.eye(n_x))[:, n : 2 * n].T
+            rows = (limits.speed / most)[:, None] * (following - pick[n : 2 * n])
+            add("stage", rows, jnp.diff(plan.velocities, axis=0) / most, both=True, soft=True)
         if limits.contour_error is not None:
-            add(*self._tube(plan, path, dynamics), soft)
-        unbounded = jnp.full((big, 1), jnp.inf)
-        length = limits.speed * self.sample_time
-        room = ((end - plan.progress[1:]) / length)[:, None]
+            add("state", *self._tube(plan, path), both=True, soft=True)
         # every stage is before the last
-        add(dynamics[2 * n][None], 0.0 * room, -unbounded, unbounded.at[-1].set(room[-1]), hard)
+        room = (end - plan.progress[-1:]) / length
+        add("end", pick[2 * n : 2 * n + 1, : 2 * n + 1], -room, both=False, soft=False)
         a = jnp.asarray(limits.braking)
+        last_point = jax.tree.map(lambda x: x[-1], path)
         # able to stop: (t' v)² <= 2 a (end - s)
-        add(
-            *self._last_speed(plan, path, 2.0 * a * (end - plan.progress[-1]), -2.0 * a, dynamics),
-            soft,
-        )
+        squares = [(2.0 * a * (end - plan.progress[-1]), -2.0 * a)]
         if safe is not None:
-            square, slope = safe.at(safe.everything, plan.progress[-1])
-            add(*self._last_speed(plan, path, square, slope, dynamics), soft)
-            corners = jax.vmap(lambda s: safe.at(safe.corners, s))(plan.progress[1:])
-            add(*self._speeds(plan, path, *corners, dynamics), soft)
-        columns = [list(column) for column in zip(*found, strict=True)]
-        rows, lower, upper = (jnp.concatenate(column, axis=1) for column in columns[:3])
-        return rows, lower, upper, jnp.concatenate(columns[3])
+            squares.append(safe.at(safe.everything, plan.progress[-1], last_point.piece))
+        at_end = [self._speed(plan.velocities[-1], last_point, *square) for square in squares]
+        normals, values = (jnp.stack(part) for part in zip(*at_end, strict=True))
+        add("end", normals, values, both=False, soft=True)
+        if safe is not None:
+            corners = jax.vmap(lambda s, k: safe.at(safe.corners, s, k))(
+                plan.progress[1:], path.piece
+            )
+            rows, value = jax.vmap(self._speed)(plan.velocities[1:], path, *corners)
+            add("state", rows[:, None], value[:, None], both=False, soft=True)
+        return tuple(found)
 
-    def _tube(
-        self, plan: Plan, path: PathPoint, dynamics: Array
-    ) -> tuple[Array, Array, Array, Array]:
+    def _tube(self, plan: Plan, path: PathPoint) -> tuple[Array, Array]:
         """Return the rows of the error in every direction of the path's frame.
 
         Across the path it is the contour error. Along it is the lag, which is bounded too: the
@@ -316,42 +399,30 @@ class ContouringProgram(eqx.Module):
         """
         n = self.n_axes
         limit, length = jnp.asarray(self.limits.contour_error), self.limits.speed * self.sample_time
-        frame = jnp.concatenate(
-            [path.tangent[:, None], jax.vmap(tangent_normals)(path.tangent)], axis=1
-        )
+        across = jax.vmap(tangent_normals)(path.tangent)
+        room = jnp.stack([limit] * n)
+        if n == 3:  # an octagon within the circle
+            one, two = across[:, :1], across[:, 1:]
+            across = jnp.concatenate([across, HALF * (one + two), HALF * (one - two)], axis=1)
+            room = jnp.concatenate([limit[None], jnp.stack([limit * WITHIN] * 4)])
+        frame = jnp.concatenate([path.tangent[:, None], across], axis=1)
         e = path.position - plan.positions[1:]
-        value = jnp.einsum("jkn,jn->jk", frame, e) / limit
-        lag = value[:, :1] * limit
-        turn = jnp.einsum("jkn,jn->jk", frame, path.bend) * lag  # of the tangent: 0
-        along = jnp.zeros(n).at[0].set(1.0) * (1.0 + jnp.sum(path.bend * e, axis=1))[:, None]
-        over_x = jnp.zeros((self.n_stages, n, dynamics.shape[0]))
-        over_x = over_x.at[:, :, :n].set(-frame).at[:, :, 2 * n].set(along - turn)  # (1)
-        one = jnp.ones(n)
-        return (length / limit) * over_x @ dynamics, value, -one, one
+        value = jnp.sum(frame * e[:, None], axis=2)
+        turn = jnp.sum(frame * path.bend[:, None], axis=2) * value[:, :1]  # of the tangent: 0
+        along = 1.0 + jnp.sum(path.bend * e, axis=1)
+        slope = jnp.concatenate([along[:, None] - turn[:, :1], -turn[:, 1:]], axis=1)
+        rows = jnp.concatenate([-frame, jnp.zeros_like(frame), slope[:, :, None]], axis=2)  # (1)
+        return length / room[:, None] * rows, value / room
 
-    def _last_speed(
-        self, plan: Plan, path: PathPoint, square: Array, slope: Array, dynamics: Array
-    ) -> tuple[Array, Array, Array, Array]:
-        """Return the row of (t' v)² <= square + slope ds at the last stage alone."""
-        last = jnp.arange(self.n_stages) == self.n_stages - 1
-        slopes = jnp.full(self.n_stages, slope)
-        return self._speeds(plan, path, jnp.where(last, square, jnp.inf), slopes, dynamics)
-
-    def _speeds(
-        self, plan: Plan, path: PathPoint, square: Array, slope: Array, dynamics: Array
-    ) -> tuple[Array, Array, Array, Array]:
-        """Return the row of (t' v)² <= square + slope ds at every stage, about the plan."""
+    def _speed(
+        self, velocity: AxisVector, path: PathPoint, square: Scalar, slope: Scalar
+    ) -> tuple[Array, Array]:
+        """Return the row over (q, v, s) of (t' v)² <= square + slope ds at one stage."""
         n, speed = self.n_axes, self.limits.speed
         bounded = jnp.isfinite(square) & jnp.isfinite(slope)
         square, slope = jnp.where(bounded, square, 1.0), jnp.where(bounded, slope, 0.0)
         t = path.tangent
-        now = jnp.maximum(jnp.sum(t * plan.velocities[1:], axis=1), 0.0)
-        length = speed * self.sample_time
-        size = speed**2 + jnp.abs(slope) * length
-        over_x = jnp.zeros((self.n_stages, dynamics.shape[0]))
-        over_x = over_x.at[:, n : 2 * n].set(2.0 * speed * now[:, None] * t)
-        over_x = over_x.at[:, 2 * n].set(-slope * length)
-        rows = (over_x @ dynamics) / size[:, None]
-        value = ((now**2 - square) / size)[:, None]
-        top = jnp.where(bounded, 0.0, jnp.inf)[:, None]
-        return rows[:, None], value, jnp.full_like(value, -jnp.inf), top
+        now = jnp.maximum(t @ velocity, 0.0)
+        length, size = speed * self.sample_time, self._square
+        row = jnp.concatenate([jnp.zeros(n), 2.0 * speed * now * t, (-slope * length)[None]]) / size
+        return row, jnp.where(bounded, (now**2 - square) / size, -jnp.inf)
