@@ -118,7 +118,7 @@ def run_private(
         session.chmod(0o1777)
         inside, variables = _prepared(session, command, modules)
         try:
-            return subprocess.run(
+            run = subprocess.run(
                 [*_namespaces(), "sh", "-c", inside],
                 cwd=folder,
                 env={**variables, **(environment or {})},
@@ -126,6 +126,12 @@ def run_private(
                 text=True,
                 timeout=timeout,
                 check=False,
+            )
+            # where LinuxCNC's start script puts what went wrong
+            reports = [session / f"linuxcnc_{kind}.txt" for kind in ("debug", "print")]
+            told = [file.read_text(errors="replace") for file in reports if file.is_file()]
+            return subprocess.CompletedProcess(
+                run.args, run.returncode, run.stdout, "".join([run.stderr, *told])
             )
         except subprocess.TimeoutExpired as error:
             said = "".join(
@@ -150,7 +156,8 @@ def _prepared(
     starter.write_text(text.replace("/tmp/linuxcnc.lock", str(session / "linuxcnc.lock")))
     starter.chmod(0o755)
     variables = {
-        **os.environ,
+        **{name: value for name, value in os.environ.items() if name != "DISPLAY"},
+        "HOME": str(session),
         "RTAPI_FIFO_PATH": str(session / "rtapi_fifo"),
         "PATH": f"{session}{os.pathsep}{os.environ['PATH']}",
     }
