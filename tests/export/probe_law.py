@@ -9,6 +9,8 @@ from contourlab.export.law_facts import LawFacts
 
 T = 1e-3
 KP, KD = 4000.0, 40.0
+START = 0.5
+"""What init sets the number of steps to: not 0, so that leaving it out shows."""
 
 
 def facts(n=2, command="force", *, preview=0, contour=False, own_time=False, limit=100.0):
@@ -61,7 +63,7 @@ def probe(n=2, *, preview=0, prefix="probe", precision="double", order=4, withou
     bodies = {
         "default_parameters": f"int i; for (i = 0; i < {n}; i++) {{ p->kp[i] = {KP}; "
         f"p->kd[i] = {KD}; }} p->offset = 0;",
-        "init": "(void)p; (void)in; s->steps = 0;",
+        "init": f"(void)p; (void)in; s->steps = {START};",
         "step": f"int i; for (i = 0; i < {n}; i++) out->command[i] = p->offset + p->kp[i] * "
         "(in->reference_position[i] - in->position[i]) + p->kd[i] * "
         "(in->reference_velocity[i] - in->velocity[i]); "

@@ -12,7 +12,7 @@ from contourlab.errors import ConfigurationError, OutputError
 from contourlab.export.compiled import compile_c
 from contourlab.export.fmu import fmu_files, write_fmu
 
-from .probe_law import KD, KP, T, probe
+from .probe_law import KD, KP, START, T, probe
 
 fmpy = pytest.importorskip("fmpy", reason="needs FMPy, of the extra dev")
 pytestmark = pytest.mark.skipif(
@@ -131,7 +131,7 @@ def test_fmpy_simulates_it(units, fmi):
     )  # fmt: skip
     # row k + 1 holds what the step from k gave
     np.testing.assert_allclose(found["command[1]"][1:], 10.0 * found["time"][:-1], atol=1e-9)
-    assert found["telemetry.steps"][-1] == 100.0
+    assert found["telemetry.steps"][-1] == START + 100.0
 
 
 def test_gains_are_tunable(running):
@@ -171,13 +171,13 @@ def test_the_state_can_be_taken_back(running):
     state = take()
     packed = pack(state)
     running.step(T)
-    assert running.get("telemetry.steps") == [2.0]
+    assert running.get("telemetry.steps") == [START + 2.0]
     put(state)
     running.step(T)
-    assert running.get("telemetry.steps") == [2.0]
+    assert running.get("telemetry.steps") == [START + 2.0]
     again = unpack(packed)
     put(again)
-    assert running.get("telemetry.steps") == [1.0]
+    assert running.get("telemetry.steps") == [START + 1.0]
     free(state)
     free(again)
 

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from contourlab.export.linuxcnc import LinuxcncOptions
 from contourlab.export.linuxcnc_servo import FAULTS, ServoLayer
 
-from .probe_law import KD, KP, T, facts, probe
+from .probe_law import KD, KP, START, T, facts, probe
 
 pytestmark = pytest.mark.skipif(
     not any(map(shutil.which, ("gcc", "clang", "cc"))), reason="needs a C compiler"
@@ -158,8 +158,8 @@ def test_enabling_again_starts_anew(servo):
     rows, _, _ = circle(servo, n=30)
     rows["enable"][10:20] = 0
     out = servo.run(rows)
-    assert_array_equal(out["law"]["steps"][1:10], np.arange(1, 10))
-    assert_array_equal(out["law"]["steps"][20:], np.arange(1, 11))
+    assert_array_equal(out["law"]["steps"][1:10], START + np.arange(1, 10))
+    assert_array_equal(out["law"]["steps"][20:], START + np.arange(1, 11))
     assert_array_equal(out["law_inputs"]["time"][20:], np.arange(10) * T)
     assert_array_equal(out["command"][10:20], 0.0)
 

@@ -206,7 +206,9 @@ def _types(
     real = np.float64 if precision == "double" else np.float32
 
     def struct(fields: Sequence[Field]) -> np.dtype[Any]:
-        columns = [(f.name, real if f.dtype == "real" else np.int32, f.shape) for f in fields]
+        columns: list[Any] = [
+            (f.name, real if f.dtype == "real" else np.int32, f.shape) for f in fields
+        ]
         return np.dtype(columns or [("unused", np.int8)], align=True)
 
     vector = (np.float64, (n,))
