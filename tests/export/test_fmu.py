@@ -14,7 +14,7 @@ from contourlab.export.fmu import fmu_files, write_fmu
 
 from .probe_law import KD, KP, START, T, probe
 
-fmpy = pytest.importorskip("fmpy", reason="needs FMPy, of the extra dev")
+fmpy = pytest.importorskip("fmpy", reason="needs FMPy, of the extra test")
 pytestmark = pytest.mark.skipif(
     not any(map(shutil.which, ("gcc", "clang", "cc"))), reason="needs a C compiler"
 )
