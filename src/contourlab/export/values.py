@@ -64,6 +64,8 @@ class Value:
 
     cheap = True
     """Whether an element is just looked up."""
+    pattern: Any = None
+    """Where it may be other than zero, as an array of truths; None if anywhere."""
 
     def __init__(self, shape: Sequence[int], dtype: Any) -> None:
         self.shape = tuple(int(n) for n in shape)

@@ -11,7 +11,7 @@ from contourlab.export.expressions import Expression, Index, constant, fold, fol
 from contourlab.export.flatten import Equation
 from contourlab.export.primitives.emission import Emission
 from contourlab.export.statements import Builder
-from contourlab.export.values import Known, Value
+from contourlab.export.values import Known, Value, indices
 
 __all__ = ["ELEMENTWISE", "elementwise"]
 
@@ -165,4 +165,8 @@ def elementwise(emission: Emission, equation: Equation, args: list[Value]) -> li
         found = [builder.bind(arg.at(builder, place(arg, index))) for arg in args]
         return element(builder, out.dtype, equation.params, found)
 
+    if all(isinstance(arg, Known) for arg in args) and out.shape:
+        found = [one(emission.builder, at) for at in indices(out.shape)]
+        if all(each.is_constant for each in found):
+            return [Known(np.array([x.value for x in found], out.dtype).reshape(out.shape))]
     return [emission.rule(out, one)]

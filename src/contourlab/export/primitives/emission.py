@@ -15,6 +15,7 @@ from contourlab.errors import ExportError
 from contourlab.export.flatten import Equation, Program, Variable, unsupported_type
 from contourlab.export.statements import Builder
 from contourlab.export.values import Atoms, Indices, Known, Rule, Value, atoms, stored
+from contourlab.export.zeros import pattern_after
 
 __all__ = ["Emission", "run"]
 
@@ -116,6 +117,17 @@ class Emission:
         return Atoms(self.builder, out.shape, out.dtype, bound)
 
 
+def _known(value: Value) -> Value:
+    """Return a value as numbers, where all its elements turned out to be constant."""
+    if value.size == 0:
+        return Known(np.zeros(value.shape, value.dtype))
+    if isinstance(value, Atoms) and all(one.is_constant for one in value.elements):
+        return Known(
+            np.array([one.value for one in value.elements], value.dtype).reshape(value.shape)
+        )
+    return value
+
+
 def run(builder: Builder, program: Program, inputs: Sequence[Value]) -> list[Value]:
     """Write a program and return the values of its outputs.
 
@@ -145,11 +157,12 @@ def run(builder: Builder, program: Program, inputs: Sequence[Value]) -> list[Val
                     f"{equation.primitive} gives numbers of type {wrong}, which cannot be "
                     f"exported ({equation.line or 'no line known'})"
                 )
-        found = handler(equation)(
-            emission, equation, [emission.value(one) for one in equation.inputs]
-        )
+        args = [emission.value(one) for one in equation.inputs]
+        found = handler(equation)(emission, equation, args)
+        pattern = pattern_after(equation, args)
+        if pattern is not None:
+            found[0].pattern = pattern
         for out, value in zip(equation.outputs, found, strict=True):
-            empty = value.size == 0
-            emission.values[out] = Known(np.zeros(out.shape, out.dtype)) if empty else value
+            emission.values[out] = _known(value)
     builder.line = outside
     return [emission.value(one) for one in program.outputs]

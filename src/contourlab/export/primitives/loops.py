@@ -24,6 +24,7 @@ from contourlab.export.values import (
     indices,
     stored,
 )
+from contourlab.export.zeros import filled
 
 __all__ = ["LOOPS"]
 
@@ -111,7 +112,9 @@ def update(builder: Builder, carries: Sequence[Carry], values: Sequence[Value]) 
 def _ready(builder: Builder, value: Value) -> Value:
     """Return a value that may be read many times."""
     if isinstance(value, Rule):
-        return atoms(builder, value) if value.small else stored(builder, value)
+        ready = atoms(builder, value) if value.small else stored(builder, value)
+        ready.pattern = value.pattern
+        return ready
     return value
 
 
@@ -155,7 +158,12 @@ def _row(builder: Builder, rows: Value, k: Index) -> Value:
         row: Value = Stored(shape, rows.dtype, rows.array, rows.offset + k * size)
     else:
         row = Rule(shape, rows.dtype, lambda b, index: rows.at(b, (k, *index)), cheap=True)
-    return atoms(builder, row) if row.small else row
+    if row.small:
+        row = atoms(builder, row)
+    pattern = filled(rows)
+    if pattern is not None and not pattern.any(axis=0).all():
+        row.pattern = pattern.any(axis=0)
+    return row
 
 
 def _put_row(builder: Builder, label: str, shape: Any, value: Value, k: Index) -> None:

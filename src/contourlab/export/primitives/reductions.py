@@ -11,6 +11,7 @@ from contourlab.export.flatten import Equation
 from contourlab.export.primitives.emission import Emission
 from contourlab.export.statements import Set, Store
 from contourlab.export.values import Atoms, Known, Stored, Value, flat_index, indices
+from contourlab.export.zeros import filled
 
 __all__ = ["REDUCTIONS"]
 
@@ -68,6 +69,9 @@ def _reduce(emission: Emission, equation: Equation, args: list[Value]) -> list[V
     if count == 0:
         return [Known(np.broadcast_to(start.value, out.shape))]
 
+    if op == "add" and (written := _sparse_sum(emission, equation, source, outer, inner)):
+        return [written]
+
     def folded(at: Any) -> Expression:
         """Written out; in a loop where there are many."""
         if count <= _UNROLLED:
@@ -90,6 +94,40 @@ def _reduce(emission: Emission, equation: Equation, args: list[Value]) -> list[V
     with builder.loops(out.shape) as at:
         builder.add(Store(label, flat_index(out.shape, at), folded(at), builder.line))
     return [Stored(out.shape, out.dtype, label)]
+
+
+def _sparse_sum(
+    emission: Emission, equation: Equation, source: Value, outer: list[int], inner: list[int]
+) -> Value | None:
+    """Return a sum of which most terms are zero by construction: the others are written out.
+
+    The first dimension that stays is a loop; what is zero there is so whatever its counter is.
+    """
+    pattern, out, builder = filled(source), equation.outputs[0], emission.builder
+    if pattern is None or out.dtype.kind != "f" or int(np.prod(out.shape)) <= 16:
+        return None
+    looped = outer[0]
+    pattern = pattern.any(axis=looped, keepdims=True)
+    rest = [k for k in outer if k != looped]
+    if pattern.mean() > 0.6 or max(pattern.sum(), np.prod([source.shape[k] for k in rest])) > 600:
+        return None
+    label = builder.array(out.dtype, int(np.prod(out.shape, dtype=int)))
+    with builder.loops((source.shape[looped],)) as (k,):
+        for at in indices(tuple(source.shape[n] for n in rest)):
+            total: Expression | None = None
+            for over in indices(tuple(source.shape[n] for n in inner)):
+                place = {looped: k, **dict(zip(rest, at, strict=True)),
+                         **dict(zip(inner, over, strict=True))}  # fmt: skip
+                spot = tuple(0 if n == looped else place[n].constant for n in range(len(place)))
+                if not pattern[spot]:
+                    continue
+                one = builder.bind(source.at(builder, tuple(place[n] for n in range(len(place)))))
+                total = one if total is None else builder.bind(
+                    operation("add", out.dtype, total, one))  # fmt: skip
+            value = constant(0, out.dtype) if total is None else total
+            target = tuple(place_of for place_of in (k, *at))
+            builder.add(Store(label, flat_index(out.shape, target), value, builder.line))
+    return Stored(out.shape, out.dtype, label)
 
 
 def _running(emission: Emission, equation: Equation, args: list[Value]) -> list[Value]:
