@@ -154,8 +154,8 @@ class CompiledController:
         )  # fmt: skip
         return _read(self._outputs, self.generated.outputs)
 
-    def replay(self, inputs: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
-        """Return the outputs of many steps by field name, after an ``init`` with the first row.
+    def rows(self, inputs: Mapping[str, Any]) -> Any:
+        """Return many inputs as a C array of their structure.
 
         Parameters
         ----------
@@ -164,10 +164,23 @@ class CompiledController:
         """
         n = len(next(iter(inputs.values()))) if inputs else 0
         rows = (type(self._inputs) * n)()
-        outs = (type(self._outputs) * n)()
-        view, out = _records(rows, self.generated.inputs), _records(outs, self.generated.outputs)
+        view = _records(rows, self.generated.inputs)
         for field in self.generated.inputs:
             view[field.name] = np.asarray(inputs[field.name]).reshape(view[field.name].shape)
+        return rows
+
+    def replay(self, inputs: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
+        """Return the outputs of many steps by field name, after an ``init`` with the first row.
+
+        Parameters
+        ----------
+        inputs
+            By field name, one row for each step.
+        """
+        rows = self.rows(inputs)
+        n = len(rows)
+        outs = (type(self._outputs) * n)()
+        out = _records(outs, self.generated.outputs)
         if n:
             self._init(*map(ctypes.byref, (self.parameters, rows[0], self.state)))
         step, parameters, state = (

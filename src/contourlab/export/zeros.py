@@ -35,8 +35,7 @@ def filled(value: Value) -> Pattern | None:
         Of a variable.
     """
     if value.pattern is None and isinstance(value, Known) and value.size <= LARGEST:
-        found = np.asarray(value.array != 0)
-        value.pattern = found if not found.all() else np.ones(value.shape, bool)
+        value.pattern = np.asarray(value.array != 0)
     pattern = value.pattern
     return None if pattern is None or pattern.all() else pattern
 
@@ -61,9 +60,9 @@ def pattern_after(equation: Equation, args: list[Value]) -> Pattern | None:
         one if (one := filled(arg)) is not None else np.ones(arg.shape, bool) for arg in args
     ]
     found = rule(equation, args, patterns)
-    if found is None or found.all():
+    if found is None or np.all(found):
         return None
-    return np.ascontiguousarray(np.broadcast_to(found, out.shape))
+    return np.array(np.broadcast_to(found, out.shape))
 
 
 def _moved(move: Callable[..., Any]) -> Any:
@@ -85,12 +84,12 @@ def _slice(one: Pattern, params: Any, out: Any) -> Pattern:
 
 def _either(equation: Equation, args: Any, patterns: list[Pattern]) -> Pattern:
     del args
-    return np.logical_or(*patterns)
+    return np.asarray(np.logical_or(*patterns))
 
 
 def _both(equation: Equation, args: Any, patterns: list[Pattern]) -> Pattern:
     del args
-    return np.logical_and(*patterns)
+    return np.asarray(np.logical_and(*patterns))
 
 
 def _first(equation: Equation, args: Any, patterns: list[Pattern]) -> Pattern:
@@ -101,7 +100,7 @@ def _first(equation: Equation, args: Any, patterns: list[Pattern]) -> Pattern:
 def _chosen(equation: Equation, args: Any, patterns: list[Pattern]) -> Pattern:
     found = patterns[1]
     for one in patterns[2:]:
-        found = found | one
+        found = np.asarray(found | one)
     return found
 
 
@@ -168,7 +167,7 @@ _RULES: dict[str, Any] = {
     "rev": _moved(lambda one, params, out: np.flip(one, params["dimensions"])),
     "broadcast_in_dim": _moved(_broadcast),
     "slice": _moved(_slice),
-    "reduce_sum": _moved(lambda one, params, out: one.any(axis=tuple(params["axes"]))),
+    "reduce_sum": _moved(lambda one, params, out: np.asarray(one.any(axis=tuple(params["axes"])))),
     "neg": _first, "abs": _first, "convert_element_type": _first, "div": _first,
     "mul": _both, "add": _either, "sub": _either, "add_any": _either,
     "select_n": _chosen, "concatenate": _concatenated, "stack": _stacked, "pad": _padded,
