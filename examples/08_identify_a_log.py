@@ -53,6 +53,7 @@ def log_of(recording):
 
 
 def write_log(file):
+    """Write the log as CSV, with the digits of a controller."""
     rows, heads = log_of(recording)
     digits = ["%.0f"] + ["%.4f"] * 2 + ["%.3f"] * 4
     np.savetxt(file, rows, fmt=digits, delimiter=",", header=",".join(heads), comments="")

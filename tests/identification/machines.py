@@ -16,12 +16,14 @@ def varied_reference(size, sample_time, duration=6.0, rate=3.0, middle=None):
     curve = cl.contours.Lissajous(amplitudes=size, frequencies=(2, 3), phases=(0.3, 0.0))
     if middle is not None:
         curve = curve.translated(middle)
-    swing, beat = 0.45, 2.3
+    ease = np.clip(t / 0.5, 0.0, 1.0)
+    ease = ease**3 * (10.0 + ease * (6.0 * ease - 15.0))  # from rest
+    speed = ease * rate * (1.0 + 0.35 * np.cos(2.3 * t))
+    parameter = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * sample_time)])
+    change = np.gradient(speed, sample_time)
     return Reference.along(
-        curve, sample_time=sample_time, parameter=rate * t + swing * np.sin(beat * t),
-        parameter_rate=rate + swing * beat * np.cos(beat * t),
-        parameter_acceleration=-swing * beat**2 * np.sin(beat * t),
-        parameter_jerk=-swing * beat**3 * np.cos(beat * t),
+        curve, sample_time=sample_time, parameter=parameter, parameter_rate=speed,
+        parameter_acceleration=change, parameter_jerk=np.gradient(change, sample_time),
     )  # fmt: skip
 
 

@@ -25,8 +25,8 @@ from scipy.optimize import least_squares
 from scipy.stats import t as student
 
 from contourlab.errors import ConfigurationError, RecordingError
+from contourlab.identification.axis_model import units_of
 from contourlab.identification.frequency_response import FrequencyResponse
-from contourlab.identification.machine import units_of
 from contourlab.identification.result import Parameter
 
 __all__ = ["MODELS", "FrequencyModel", "fit_frequency_response"]

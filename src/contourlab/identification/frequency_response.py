@@ -8,9 +8,9 @@ that was added to the command),
 
 is consistent in a closed loop too; without one, x is the command, and noise that the loop feeds
 back biases H where the coherence is low. Positions are differenced twice before and that divided
-out again: an axis that integrates has its power at low frequency, which would leak over all others, and
-a mass has a response that hardly changes within a band. Frequencies outside the sweep are not used:
-what is there comes from how a record begins and ends.
+out again: an axis that integrates has its power at low frequency, which would leak over all others,
+and a mass has a response that hardly changes within a band. Frequencies outside the sweep are not
+used: what is there comes from how a record begins and ends.
 
 **How sure.** γ_u² and γ_q² are the coherences of x with command and position. The standard
 deviation of H over its size is √((1/γ_u² + 1/γ_q² - 2) / 2 n), with n the lines in the band.
@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from scipy.signal.windows import tukey
 
 from contourlab.errors import ConfigurationError, RecordingError
-from contourlab.identification.machine import KINDS
+from contourlab.identification.axis_model import KINDS
 from contourlab.identification.record import Record, read_record
 from contourlab.recordings.recording import Recording
 

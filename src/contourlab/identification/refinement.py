@@ -92,7 +92,7 @@ class Refined(NamedTuple):
 
 def refine(
     theta: Rows, free: tuple[str, ...], measured: Drive, instrument: Drive | None, pieces: Pieces,
-    sample_time: float, cosines: int,
+    sample_time: float, cosines: int, rough: bool = False,
 ) -> Refined:  # fmt: skip
     """Return the parameters that (1) gives.
 
@@ -112,12 +112,15 @@ def refine(
         [s].
     cosines
         Of the covariance.
+    rough
+        Whether unknown forces are reckoned with from the start, which is blunter: L as the residual
+        of the start wants it, in place of 1.
     """
     at = np.array([MODEL_PARAMETERS.index(name) for name in free])
     theta = np.asarray(theta, float).copy()
     converged = False
     response, wanted = _driven(theta, measured, pieces, sample_time)
-    corner = _corner(wanted - response.position, response.by_start, pieces)
+    corner = _corner(wanted - response.position, response.by_start, pieces) if rough else 0.0
     theta = _least_squares(theta, at, measured, pieces, sample_time, corner)
     found = _linearised(theta, at, measured, instrument, pieces, sample_time, corner, cosines)
     for _ in range(ROUNDS):

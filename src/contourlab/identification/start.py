@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from contourlab.controllers.excitation import filtered_regressors
 from contourlab.controllers.least_squares import FilteredLeastSquares
-from contourlab.identification.inference import Fit, fit
+from contourlab.identification.inference import fit
 from contourlab.identification.record import Record
 from contourlab.identification.signals import Signals
 
@@ -27,6 +27,10 @@ COLUMNS = ("mass", "viscous", "stiffness", "coulomb", "disturbance", "delay")
 LONGEST_DELAY = 0.02
 """Delays up to this are looked at [s]."""
 MOST_SAMPLES = 25
+SOME = 40_000
+"""Rows that a delay of whole samples is looked for in."""
+SINGULAR = 1e6
+"""Condition beyond which a column is left out instead of solved for."""
 Rows = NDArray[Any]
 
 
@@ -39,6 +43,8 @@ class Start(NamedTuple):
     """Their standard deviations."""
     residual_rms: float
     """[command]."""
+    condition: float
+    """Of the instruments' columns, brought to one size."""
 
 
 def position_columns(record: Record, law: FilteredLeastSquares, positions: Rows) -> Rows:
@@ -70,9 +76,23 @@ def condition(columns: Rows, weight: Rows) -> float:
     weight
         How much each row counts, shape (n_samples,).
     """
-    x = columns * np.sqrt(weight)[:, None]
-    size = np.linalg.norm(x, axis=0)
-    return float(np.linalg.cond(x / size)) if size.all() else np.inf
+    products = (columns * weight[:, None]).T @ columns
+    size = np.sqrt(np.diagonal(products))
+    if not size.all():
+        return np.inf
+    return float(np.sqrt(np.linalg.cond(products / np.outer(size, size))))
+
+
+def _left(y: Rows, signals: Signals, z: Rows, fixed: Rows, late: int) -> float:
+    """Return the squares that a delay of whole samples leaves, over some of the rows."""
+    rows = np.flatnonzero(signals.weight)
+    rows = rows[:: max(1, len(rows) // SOME)]
+    weight = signals.weight[rows]
+    wanted = signals.wanted[np.maximum(rows - late, 0) % len(fixed)] - fixed[rows]
+    moving = z[rows] * weight[:, None]
+    size = np.sqrt(np.sum(y[rows] ** 2, axis=0))
+    found = np.linalg.lstsq(moving.T @ (y[rows] / size), moving.T @ wanted, rcond=None)[0]
+    return float(np.sum(weight * (wanted - (y[rows] / size) @ found) ** 2))
 
 
 def start_values(
@@ -107,20 +127,18 @@ def start_values(
         names = [name for name in COLUMNS if name not in ("delay", "stiffness")]
     open_ = [k for k, name in enumerate(names) if name not in given]
     fixed = y @ np.array([given.get(name, 0.0) for name in names])
+    while len(open_) > 1 and condition(z[:, open_], signals.weight) > SINGULAR:
+        # of columns that are one, all but one are left out: it takes what they explain together
+        open_.remove(
+            min(open_, key=lambda k: condition(z[:, [j for j in open_ if j != k]], signals.weight))
+        )
     names = [names[k] for k in open_]
     most = min(MOST_SAMPLES, max(1, round(LONGEST_DELAY / sample_time)))
     tries = range(-1, most + 1) if delay is None else [round(delay / sample_time)]
-    best: tuple[float, int, Fit] | None = None
-    for late in tries:
-        wanted = np.roll(signals.wanted, late) - fixed
-        found = fit(y[:, open_], wanted, z[:, open_], signals.weight, signals.cosines)
-        left = float(np.sum(signals.weight * found.residual**2))
-        if best is None or left < best[0]:
-            best = (left, late, found)
-    assert best is not None
-    late, found = best[1], best[2]
+    late = min(tries, key=lambda n: _left(y[:, open_], signals, z[:, open_], fixed, n))
     wanted = np.roll(signals.wanted, late) - fixed
-    delayed = late * sample_time
+    found = fit(y[:, open_], wanted, z[:, open_], signals.weight, signals.cosines)
+    delayed = late * sample_time if delay is None else delay
     if delay is None:
         rates = [np.gradient(x, sample_time) for x in (wanted, z[:, open_] @ found.estimate)]
         columns = [np.column_stack([x[:, open_], r]) for x, r in zip((y, z), rates, strict=True)]
@@ -138,4 +156,5 @@ def start_values(
         values,
         dict(zip(names, (float(x) for x in deviations), strict=True)),
         float(np.sqrt(left / max(float(signals.weight.sum()), 1.0))),
+        condition(z[:, open_], signals.weight),
     )
