@@ -1,8 +1,8 @@
 """One axis: where its parameters start, which of them the motion tells, and what simulation finds.
 
 A delay and a lag of the drive that the motion does not tell apart from the rest are held at what
-they are assumed to be; if the residual then says that this cannot be, the delay is looked for all the
-same. A fit that goes astray is not believed: then filtered least squares stand, or nothing.
+they are assumed to be; if the residual then says that this cannot be, the delay is looked for all
+the same. A fit that goes astray is not believed: then filtered least squares stand, or nothing.
 """
 
 from __future__ import annotations
@@ -103,7 +103,11 @@ def fit_axis(
         velocity, signals.minimum_speed, longest=longest,
         margin=round(max(theta[5], 0.0) / record.sample_time) + 2,
     )  # fmt: skip
-    if pieces is None or not excited or not theta[0] > 0.0:
+    if not theta[0] > 0.0:  # a start that says nothing: as if all of the command went into it
+        size = [np.sqrt(np.mean(x[signals.weight > 0.0] ** 2)) for x in
+                (signals.wanted, signals.regressor[:, 0])]  # fmt: skip
+        theta[0] = float(size[0] / size[1]) if size[1] > 0.0 else 1.0
+    if pieces is None or not excited:
         found = empty._replace(start=start, held=held, plain=plain())
         return found.model(), sentences(found.model(), record, options.confidence)
     ahead, back = directions(velocity, law, k)
@@ -180,7 +184,8 @@ def _start(
 
     if options.stiffness is None and "stiffness" not in given:
         start, without = solve(True), solve(False)
-        value, spread = start.values["stiffness"], start.deviations["stiffness"]
+        value = start.values.get("stiffness", 0.0)
+        spread = start.deviations.get("stiffness", np.inf)
         effort = abs(value) * float(np.std(spring[0][signals.weight > 0.0]))
         command = float(np.sqrt(np.average(signals.wanted**2, weights=signals.weight)))
         sure = abs(value) > SPRING_SURE * spread and effort > SPRING_SHARE * command
