@@ -3,9 +3,9 @@
 from contourlab.evaluation.alignment import Alignment
 from contourlab.evaluation.causes import SIDES, STATES, Cause
 from contourlab.evaluation.circles import CircularTest, Direction
-from contourlab.evaluation.evaluate import PATHS, evaluate
 from contourlab.evaluation.resolution import Resolution
 from contourlab.evaluation.result import Evaluation, WorstPoint
+from contourlab.evaluation.run import PATHS, evaluate
 
 __all__ = [
     "PATHS",

@@ -1,8 +1,9 @@
 """A log laid on a part: the rigid motion between them, and how well they match.
 
 The commanded positions differ from the part by the work offset and by how the part was clamped, so
-it is they that are laid on it, by rotation and shift, with as little distance as possible (iterated
-closest points; the tenth that lies farthest, such as an approach, does not pull). What the machine
+it is they that are laid on it, by rotation and shift, with as little distance as possible: iterated
+closest points, at first whole distances, then only across the path, so that points may slide along
+it. The quarter that lies farthest, such as an approach, does not pull. What the machine
 does wrong is not touched by that. Only a log without commands is aligned by its actual positions.
 """
 
@@ -13,17 +14,21 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import expm
 from scipy.ndimage import median_filter
 
 from contourlab.contours import Path, foot_point
 from contourlab.errors import LogError
+from contourlab.evaluation.judge import tangents
 
 __all__ = ["Alignment", "align", "follow"]
 
 SCREENED, REFINED = 240, 2000
 """Points by which placements are compared, and the best one refined."""
-KEPT = 0.9
+KEPT = 0.75
 """Share of the points that pull."""
+SLIDES = 12
+"""Steps of the refinement, at most."""
 WINDOW = 101
 """Samples over which the place on the part is taken to move with the commands."""
 
@@ -65,7 +70,7 @@ class Alignment:
         points
             In the machine's, shape (n, n_axes) [m].
         """
-        return points @ self.rotation.T + self.shift  # type: ignore[no-any-return]
+        return points @ self.rotation.T + self.shift
 
     def to_machine(self, vectors: Values) -> Values:
         """Return vectors in the machine's directions.
@@ -75,7 +80,7 @@ class Alignment:
         vectors
             In the part's, shape (n, n_axes).
         """
-        return vectors @ self.rotation  # type: ignore[no-any-return]
+        return vectors @ self.rotation
 
 
 def align(path: Path, points: Values, *, fit: bool) -> Alignment:
@@ -105,7 +110,8 @@ def align(path: Path, points: Values, *, fit: bool) -> Alignment:
         tried = [_closest(path, few, *start, turns=6) for start in starts]
         costs = [_cost(path, few, *place) for place in tried]
         best = tried[int(np.argmin(costs))]
-        best = _closest(path, _spread(points, REFINED), *best, turns=12)
+        many = _spread(points, REFINED)
+        best = _slid(path, many, *_closest(path, many, *best, turns=4))
     placed = points @ best[0].T + best[1]
     away = np.abs(np.asarray(foot_point(path, _spread(placed, 5 * REFINED)).distance))
     inside = away <= np.quantile(away, KEPT)
@@ -121,7 +127,8 @@ def _spread(points: Values, count: int) -> Values:
         return points
     at = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     rows = np.searchsorted(at, np.linspace(0.0, at[-1], count))
-    return points[np.unique(np.minimum(rows, len(points) - 1))]
+    spread: Values = points[np.unique(np.minimum(rows, len(points) - 1))]
+    return spread
 
 
 def _starts(path: Path, points: Values) -> list[tuple[Values, Values]]:
@@ -156,6 +163,42 @@ def _closest(
         away = np.abs(np.asarray(feet.distance))
         near = away <= np.quantile(away, KEPT)
         rotation, shift = _rigid(points[near], np.asarray(feet.position)[near])
+    return rotation, shift
+
+
+def _slid(path: Path, points: Values, rotation: Values, shift: Values) -> tuple[Values, Values]:
+    """Refine a placement by Gauss and Newton's method on the distances across the path."""
+    n_axes = points.shape[1]
+    turns = [(0, 1)] if n_axes == 2 else [(0, 1), (0, 2), (1, 2)]
+    for _ in range(SLIDES):
+        placed = points @ rotation.T + shift
+        feet = foot_point(path, placed)
+        away = np.abs(np.asarray(feet.distance))
+        near = away <= np.quantile(away, KEPT)
+        p, vector = placed[near], np.asarray(feet.vector)[near]
+        tangent = tangents(path, np.asarray(feet.parameter)[near])[1]
+        middle = p.mean(axis=0)
+        columns = [np.broadcast_to(np.eye(n_axes)[k], p.shape) for k in range(n_axes)]
+        for i, j in turns:
+            column = np.zeros_like(p)
+            column[:, i], column[:, j] = -(p - middle)[:, j], (p - middle)[:, i]
+            columns.append(column)
+
+        def across(v: Values, tangent: Values = tangent) -> Values:
+            along = np.einsum("ij,ij->i", v, tangent)
+            return (v - along[:, None] * tangent).ravel()  # type: ignore[no-any-return]
+
+        matrix = np.column_stack([across(column) for column in columns])
+        # what cannot be told, such as a shift along a line, stays
+        step = np.linalg.lstsq(matrix, across(vector), rcond=1e-6)[0]
+        small = np.zeros((n_axes, n_axes))
+        for (i, j), angle in zip(turns, step[n_axes:], strict=True):
+            small[j, i], small[i, j] = angle, -angle
+        turn = expm(small)
+        shift = turn @ (shift - middle) + middle + step[:n_axes]
+        rotation = turn @ rotation
+        if np.abs(step).max() < 1e-13:
+            break
     return rotation, shift
 
 

@@ -169,9 +169,8 @@ def _circles(points: Values) -> list[tuple[int, int, int, tuple[float, float], f
     step = np.linalg.norm(np.diff(points, axis=0), axis=1)
     found = []
     for a, b in _motions(step):
-        found += [
-            (a + f, a + t, *rest) for f, t, *rest in _circles_of(points[a:b], step[a : b - 1])
-        ]
+        for first, last, sign, centre, radius in _circles_of(points[a:b], step[a : b - 1]):
+            found.append((a + first, a + last, sign, centre, radius))
     return found
 
 
@@ -237,7 +236,7 @@ def _pace(points: Values, first: int, last: int) -> float:
 
 def _angles(points: Values, centre: Any) -> Values:
     away = points - np.asarray(centre)
-    return np.unwrap(np.arctan2(away[:, 1], away[:, 0]))  # type: ignore[no-any-return]
+    return np.unwrap(np.arctan2(away[:, 1], away[:, 0]))
 
 
 def _even(points: Values, centre: Values) -> Values:
@@ -290,7 +289,8 @@ def _extremes(points: Values, centre: Values) -> Values:
     edges = np.flatnonzero(np.diff(sector[order]))
     least = order[np.concatenate([[0], edges + 1])]
     most = order[np.concatenate([edges, [len(order) - 1]])]
-    return points[np.unique(np.concatenate([least, most]))]
+    kept: Values = points[np.unique(np.concatenate([least, most]))]
+    return kept
 
 
 def _test(

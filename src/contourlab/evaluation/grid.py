@@ -20,6 +20,8 @@ MOST_VALUES = 20_000
 """So many of the different values are looked at, next to each other."""
 OFF = 0.02
 """Share of the step by which a distance may be off a multiple of it."""
+SELDOM = 0.9
+"""Share of values that occur once, and of those one step apart, from which it may be a motion."""
 FINEST = 1e-9
 """Share of the largest value below which a step is rounding."""
 
@@ -35,33 +37,47 @@ def grid_step(values: Values) -> float:
         Shape (n,).
     """
     different = np.unique(values)
-    if len(different) < 2:
-        return 0.0
+    once = len(different) > SELDOM * len(values)
     if len(different) > MOST_VALUES:
         start = (len(different) - MOST_VALUES) // 2
         different = different[start : start + MOST_VALUES]
+    if len(different) < LEAST_VALUES:
+        return 0.0
     least = FINEST * float(np.abs(different).max())
     steps = np.diff(different)
     steps = steps[steps > least]
+    # a motion at constant speed is evenly spaced too: then only digits make a grid
+    for off in (OFF, 0.0):
+        step = _divisor(steps, off, least)
+        if step == 0.0 or not (once and np.mean(steps < 1.5 * step) > SELDOM):
+            return step
+    return 0.0
+
+
+def _divisor(steps: Values, off: float, least: float) -> float:
+    """Return the greatest common divisor of distances, 0 if it is no larger than rounding.
+
+    Parameters
+    ----------
+    steps
+        Distances.
+    off
+        Share of the divisor by which they may be off a multiple.
+    least
+        Size of rounding.
+    """
     if len(steps) + 1 < LEAST_VALUES:
         return 0.0
     step = float(steps.min())
     for _ in range(40):
         rest = np.abs(steps - step * np.round(steps / step))
-        off = rest > OFF * step + least
-        if not off.any():
-            # on a grid that is fine beside the steps, everything lies: that is no grid
-            return step if step > 20.0 * least and _coincides(steps / step) else 0.0
-        step = float(rest[off].min())
+        beyond = rest > off * step + least
+        if not beyond.any():
+            return step if step > 20.0 * least else 0.0
+        step = float(rest[beyond].min())
         if step < 20.0 * least:
             return 0.0
     return 0.0
-
-
-def _coincides(multiples: Values) -> bool:
-    """Return whether so many whole multiples are more than chance."""
-    # by chance each lies within OFF of a whole number with probability 2 OFF
-    return len(multiples) >= LEAST_VALUES - 1 and bool(np.median(multiples) < 0.5 / FINEST)
 
 
 def grid_steps(values: Values) -> Values:

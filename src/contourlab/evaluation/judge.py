@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -188,22 +189,27 @@ def tangents(path: Path, parameter: Values) -> tuple[Values, Values]:
     parameter
         Shape (n,) [m].
     """
-    import jax
-    import jax.numpy as jnp
-
-    @jax.jit
-    def batch(one: Path, s: Any) -> Any:
-        def at(value: Any) -> Any:
-            piece = one.find(value)
-            slope = one.derivatives(value, 1, piece)[1]
-            return piece, slope / jnp.maximum(jnp.linalg.norm(slope), 1e-300)
-
-        return jax.vmap(at)(s)
-
     domain = float(path.length)
     s = np.asarray(parameter, float)
     s = np.mod(s, domain) if path.closed else np.clip(s, 0.0, domain)
     s = np.where(np.isfinite(s), s, 0.0)
     size = 1 << max(int(np.ceil(np.log2(max(len(s), 1)))), 8)
-    piece, tangent = batch(path, np.pad(s, (0, size - len(s))))
+    piece, tangent = _looking()(path, np.pad(s, (0, size - len(s))))
     return np.asarray(piece)[: len(s)].copy(), np.asarray(tangent)[: len(s)].copy()
+
+
+@cache
+def _looking() -> Any:
+    """Return the batch look-up, compiled once for every shape of path."""
+    import jax
+    import jax.numpy as jnp
+
+    def batch(path: Path, parameters: Any) -> Any:
+        def at(value: Any) -> Any:
+            piece = path.find(value)
+            slope = path.derivatives(value, 1, piece)[1]
+            return piece, slope / jnp.maximum(jnp.linalg.norm(slope), 1e-300)
+
+        return jax.vmap(at)(parameters)
+
+    return jax.jit(batch)

@@ -22,6 +22,8 @@ __all__ = ["Breaks", "find_breaks", "stretches"]
 
 JUMP = 8.0
 """A step this many times those beside it, and the usual one, is a jump."""
+LONGEST_REPEAT = 10
+"""More samples than this that stand still are a rest."""
 GAP = 1.5
 """A step in time this many times the sample time is a gap."""
 
@@ -101,16 +103,16 @@ def _jumps(position: Values, step: Values) -> Values:
 
 def _repeated(log: Log, step: Values) -> Values:
     """Return which samples repeat the one before in every column while the axes move."""
-    same = np.zeros(log.n_samples, bool)
     still = (np.diff(log.actual, axis=0) == 0.0).all(axis=1)
     if log.commanded is not None:
         still &= step == 0.0
-    same[1:] = still
-    # the axes move if the samples around move on both sides
-    moving = np.concatenate([[False], ~still])
-    before = np.concatenate([[False], moving[:-1]])
-    after = np.concatenate([moving[1:], [False]])
-    return same & before & after
+    # a few still samples between motion on both sides are no rest
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(np.int8), [0]])))
+    repeated = np.zeros(log.n_samples, bool)
+    for first, last in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        if first > 0 and last < len(still) and last - first <= LONGEST_REPEAT:
+            repeated[first + 1 : last + 1] = True
+    return repeated
 
 
 def stretches(n: int, after: Values) -> list[slice]:

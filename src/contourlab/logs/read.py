@@ -304,11 +304,12 @@ def _unit(
             + ", ".join(f"{c} in {w}" for c, w in own.items())
         )
     if known:
-        written, size = next(iter(known.items()))
+        written = next(iter(known))
+        size = known[written] or 1.0
         dimension = "length" if known_unit(written, "length") is not None else "angle"
         silent = [c for c, w in own.items() if w not in known]
         said = [f"{', '.join(silent)} state no unit: taken for {written}, as the others"]
-        return float(size or 1.0), dimension, written, said if silent else []
+        return size, dimension, written, said if silent else []
     foreign = [f"{c} in {w}" for c, w in own.items() if w]
     if foreign:
         raise UnitError(f"{source.name}: {', '.join(foreign)}: no unit of length or angle; "
@@ -327,14 +328,16 @@ def _refuse_still(
     source: Source, chosen: dict[str, Choice], rows: dict[str, Values], keep: Values,
     axes: tuple[str, ...],
 ) -> None:  # fmt: skip
-    spans = {role: np.ptp(rows[role][keep], axis=0) for role in ("commanded", "actual")
-             if role in rows}  # fmt: skip
+    pairs: tuple[tuple[str, str], ...] = (("actual", "commanded"), ("commanded", "actual"))
+    spans: dict[str, Values] = {
+        role: np.ptp(rows[role][keep], axis=0) for role in pairs[0] if role in rows
+    }
     if not any((span > 0.0).any() for span in spans.values()):
         raise LogError(f"{source.name}: nothing moves: every position column is constant")
     if "commanded" not in spans:
         return
     for k, axis in enumerate(axes):
-        for role, other in (("actual", "commanded"), ("commanded", "actual")):
+        for role, other in pairs:
             # one quantum of the other may be noise; a motion that is many times it is not
             if spans[role][k] == 0.0 and spans[other][k] > 0.05 * spans[other].max():
                 raise LogError(

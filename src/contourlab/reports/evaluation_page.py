@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
@@ -79,8 +80,8 @@ def _page(evaluation: Evaluation) -> str:
     unit = "s" if log.timed else "samples"
     return environment.from_string(template("evaluation.html")).render(
         title=f"Contour error of {evaluation.title}",
-        sentences=headline(evaluation),
-        figures=figure_rows(evaluation),
+        sentences=[_micro(sentence) for sentence in headline(evaluation)],
+        figures=[(name, _micro(value)) for name, value in figure_rows(evaluation)],
         columns=column_rows(evaluation),
         causes=[_cause(cause) for cause in evaluation.causes],
         worst=[
@@ -88,9 +89,9 @@ def _page(evaluation: Evaluation) -> str:
             for w in evaluation.worst
         ],
         time_unit=unit,
-        warnings=evaluation.warnings,
+        warnings=[_micro(warning) for warning in evaluation.warnings],
         polar=None if test is None else Markup(polar_plot(test)),
-        circle=circle_rows(evaluation),
+        circle=[(name, _micro(value)) for name, value in circle_rows(evaluation)],
         looks=[look(k) for k in range(DRAWN_CAUSES + 1)],
         signed=log.n_axes == 2,
         has_lag="lag_error" in evaluation.recording.dataset,
@@ -107,6 +108,11 @@ def _page(evaluation: Evaluation) -> str:
     )
 
 
+def _micro(text: str) -> str:
+    """Return a text with the sign for micro, which a terminal may not have."""
+    return re.sub(r" u(m|rad)\b", r" µ\1", text)
+
+
 def _cause(cause: Any) -> dict[str, Any]:
     figures = math.isfinite(cause.rms)
     return {
@@ -116,8 +122,8 @@ def _cause(cause: Any) -> dict[str, Any]:
         "max": to_um(cause.max) if figures else "–",
         "share": f"{100 * cause.share:.1f}" if figures else "–",
         "bar": max(0.0, min(100.0, 100.0 * cause.share)) if figures else 0.0,
-        "figures": cause_figures(cause),
-        "remedy": cause.remedy if cause.state == "found" else "",
+        "figures": _micro(cause_figures(cause)),
+        "remedy": _micro(cause.remedy) if cause.state == "found" else "",
         "note": cause.note,
     }
 
@@ -162,7 +168,7 @@ def _payload(evaluation: Evaluation) -> dict[str, Any]:
         "foot": [curve(column) for column in foot.T[:2]],
         "vector": [curve(column) for column in vector.T[:2]],
         "causes": [
-            {"name": c.name, "signal": curve(c.signal * 1e6), "look": _colours(k)}
+            {"name": c.name, "signal": curve(np.asarray(c.signal) * 1e6), "look": _colours(k)}
             for k, c in enumerate(drawn, 1)
         ],
         "own": _colours(0),

@@ -105,7 +105,7 @@ def figure_rows(evaluation: Evaluation) -> list[tuple[str, str]]:
         ("contour error, mean", f"{to_um(_number(m['contour_error_mean']))} um"),
         (
             "rms of a perfect machine on this grid",
-            f"{to_um(_number(m['contour_error_floor_rms']))} um",
+            f"{to_um(floor)} um",
         ),
     ]
     for name, title in (

@@ -88,6 +88,8 @@ def find_pitch(position: Values, residual: Values, n_independent: float) -> floa
     if not inside.any():
         return None
     power = np.where(inside, np.abs(spectrum), 0.0)
+    if not power.max() > 0.0:
+        return None
     start = 1.0 / wave_number[int(power.argmax())]
 
     def left(period: float) -> float:

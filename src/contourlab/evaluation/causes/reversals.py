@@ -71,7 +71,7 @@ def direction(n: int, rows: Values, signs: Values) -> Values:
     rows, signs
         As :func:`turning_points` returns them.
     """
-    return signs[np.searchsorted(rows, np.arange(n), side="left")]  # type: ignore[no-any-return]
+    return signs[np.searchsorted(rows, np.arange(n), side="left")]
 
 
 def lost_motion(position: Values, rows: Values, signs: Values, play: float) -> Values:

@@ -44,7 +44,7 @@ Values = NDArray[Any]
 def evaluate(
     log: str | os.PathLike[str] | Log | Recording,
     *,
-    contour: str | os.PathLike[str] | Part | Contour | None = None,
+    contour: Any = None,
     align_part: bool = True,
     path: str = "polyline",
     tolerance: float | str | None = None,
@@ -60,7 +60,7 @@ def evaluate(
     log
         A file (see :func:`~contourlab.logs.read_log`), a log, or a recording.
     contour
-        What the tool should have followed: a part file, a part or a contour. If None, the path
+        What the tool should have followed: a part file, a ``Part`` or a contour. If None, the path
         through the commanded positions.
     align_part
         Whether the log is laid on the part by a rotation and a shift, which are reported; else it
