@@ -441,7 +441,9 @@ def test_a_gain_for_an_axis_of_third_order_is_found_and_certified():
     inverse = np.linalg.inv(design.lyapunov)
     for i, j, later_i, later_j in itertools.product((0, 1), repeat=4):
         alpha = np.array([-2.0, 1.0]) + 0.02 * np.array([2 * i - 1.0, 2 * j - 1.0])
-        loop = closed_loop(alpha, top, design.gain[i])
+        # (34) written out, in states divided by b_1
+        loop = np.array([[-alpha[0], 1.0, 0.0], [-alpha[1], 0.0, 1.0], [0.0, 0.0, 0.0]])
+        loop = loop + np.outer(top, design.gain[i])
         falls = design.decay**2 * inverse[i, j] - loop.T @ inverse[later_i, later_j] @ loop
         assert np.linalg.eigvalsh(falls)[0] > 0.0
 
