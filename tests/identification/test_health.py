@@ -81,7 +81,7 @@ def test_a_load_taken_on_is_found(worn):
     assert change.label == "record 5"
     assert change.kind == "jump"
     assert_allclose(change.share, 0.05, rtol=0.2)
-    assert "X: mass changed from 5" in str(health)
+    assert "axis X: mass changed from" in str(health)
     plain = health.to_dict()
     assert len(plain["series"][0]["value"]) == 5
     assert plain["changes"][0]["record"] == "record 5"
