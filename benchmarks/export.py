@@ -1,7 +1,7 @@
 """Exported C: nanoseconds a step, state and code, against the JAX step it was made from.
 
-Every law in a loop of its own, its inputs recorded and replayed inside C. The JAX step is the compiled
-scan over the same recorded inputs. The constrained predictive law also against DAQP's C solver on
+Every law in a loop of its own, its inputs recorded and replayed inside C. The JAX step is the
+compiled scan over the same inputs. The constrained predictive law also against DAQP's C solver on
 the very programs of its loop, made dense (condensed) for it.
 
     python benchmarks/export.py [--json] [--only NAME] [--flags "-O3"]

@@ -1,4 +1,4 @@
-"""The folder of an export: its files, its own replay, what is refused, from Python and the shell."""
+"""The folder of an export: its files, its replay, what is refused, from Python and the shell."""
 
 import json
 import subprocess

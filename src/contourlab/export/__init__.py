@@ -3,7 +3,8 @@
 The same ``init`` and ``step`` that are simulated are traced once and written as C, statement by
 statement. What runs on the machine is what was judged.
 
-The package can be called: ``contourlab.export(...)`` is :func:`~contourlab.export.exporting.export`.
+The package can be called: ``contourlab.export(...)`` is the function
+:func:`~contourlab.export.exporting.export`.
 """
 
 import sys

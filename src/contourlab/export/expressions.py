@@ -1,8 +1,8 @@
 """Expressions of generated C: small immutable trees over one scalar each, folded as they are made.
 
-An expression has a NumPy type. Operations on constants are carried out; multiplying by one, choosing
-between equal things and the like leave no operation. Nothing is folded that would change a value:
-0 x is not 0 where x is NaN, x + 0 is not x where x is -0.
+An expression has a NumPy type. Operations on constants are carried out; multiplying by one,
+choosing between equal things and the like leave no operation. Nothing is folded that would change
+a value: 0 x is not 0 where x is NaN, x + 0 is not x where x is -0.
 
 Indices into arrays are affine (:class:`Index`): a constant and loop counters with whole factors.
 """

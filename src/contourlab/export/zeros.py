@@ -127,10 +127,7 @@ def _scattered(equation: Equation, args: Any, patterns: list[Pattern]) -> Patter
 
     params = equation.params | {"update_jaxpr": None, "update_consts": ()}
     operand, updates = (patterns[k].astype(np.float64) for k in (0, 2))
-    if equation.primitive == "scatter":
-        make = jax.lax.scatter
-    else:
-        make = jax.lax.scatter_add
+    make = jax.lax.scatter if equation.primitive == "scatter" else jax.lax.scatter_add
     found = make(
         operand, args[1].array, updates, params["dimension_numbers"],
         indices_are_sorted=params["indices_are_sorted"], unique_indices=params["unique_indices"],

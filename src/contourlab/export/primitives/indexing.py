@@ -1,7 +1,8 @@
 """Elements at places that are only known at run time; JAX's rules for places that do not exist.
 
-A slice that would leave the array is moved back inside. A gather clamps, or fills; a scatter drops,
-or clamps. Where JAX is promised that places exist, C clamps too: nothing is read or written outside.
+A slice that would leave the array is moved back inside. A gather clamps, or fills; a scatter
+drops, or clamps. Where JAX is promised that places exist, C clamps too: nothing outside is read or
+written.
 """
 
 from __future__ import annotations

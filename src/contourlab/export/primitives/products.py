@@ -144,15 +144,17 @@ def dot_general(emission: Emission, equation: Equation, args: list[Value]) -> li
     plan = _written(filled_left, filled_right, row_shape, column_shape)
     if plan is not None:
         # the sparse side is written out, the other is a loop
-        with builder.loops(batch_shape) as batch:
-            loop_rows, loop_columns = not plan[0], not plan[1]
-            with builder.loops(row_shape if loop_rows else ()) as rows_at:
-                with builder.loops(column_shape if loop_columns else ()) as columns_at:
-                    for row in [rows_at] if loop_rows else indices(row_shape):
-                        for column in [columns_at] if loop_columns else indices(column_shape):
-                            at = (*batch, *row, *column)
-                            place = flat_index(out.shape, at)
-                            builder.add(Store(label, place, total(at), builder.line))
+        loop_rows, loop_columns = not plan[0], not plan[1]
+        with (
+            builder.loops(batch_shape) as batch,
+            builder.loops(row_shape if loop_rows else ()) as rows_at,
+            builder.loops(column_shape if loop_columns else ()) as columns_at,
+        ):
+            for row in [rows_at] if loop_rows else indices(row_shape):
+                for column in [columns_at] if loop_columns else indices(column_shape):
+                    at = (*batch, *row, *column)
+                    place = flat_index(out.shape, at)
+                    builder.add(Store(label, place, total(at), builder.line))
         return [Stored(out.shape, out.dtype, label)]
     columns = right_free and out.shape[-1] > 1
     if columns:

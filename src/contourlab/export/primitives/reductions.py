@@ -1,4 +1,4 @@
-"""Sums, extremes and their places over dimensions, and running sums: in the order of the elements."""
+"""Sums, extremes, their places, and running sums: over dimensions, in the order of the elements."""
 
 from __future__ import annotations
 
