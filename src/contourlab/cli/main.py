@@ -39,6 +39,12 @@ PartFile = Annotated[
     Path | None,
     typer.Option("--part", help="Part program in place of the scenario's own.", show_default=False),
 ]
+EngineName = Annotated[
+    str | None,
+    typer.Option(
+        "--engine", help="What computes the loop: jax, or c (compiled here).", show_default=False
+    ),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace files that exist.")]
 
@@ -67,6 +73,7 @@ def compare(
         typer.Option(help="Folder for report, figures and recordings.", show_default=False),
     ] = None,
     part: PartFile = None,
+    engine: EngineName = None,
     as_json: AsJson = False,
     force: Force = False,
 ) -> None:
@@ -86,7 +93,7 @@ def compare(
         names = comparison_files(ready.runs, vary=ready.variation is not None)
         refuse_files(output, names, force=force)
     with RunProgress(quiet=as_json) as progress:
-        result = ready.compare(progress.update)
+        result = ready.compare(progress.update, engine=engine)
     report = None
     if output is not None:
         report = write_comparison(result, output, ready.magnification, force=force)
@@ -127,6 +134,7 @@ def simulate(
         Path | None, typer.Option(help="Recording to write, .nc or .csv.", show_default=False)
     ] = None,
     part: PartFile = None,
+    engine: EngineName = None,
     as_json: AsJson = False,
     force: Force = False,
 ) -> None:
@@ -159,6 +167,7 @@ def simulate(
             seed=ready.seed,
             name=name,
             progress=lambda done: progress.update(name, done),
+            engine=engine or ready.engine,
         )
     if output is not None:
         write_recording(recording, output, force=force)

@@ -11,7 +11,13 @@ import sys
 from types import ModuleType
 from typing import Any
 
+from contourlab.export.c_engine import CEngine
 from contourlab.export.compiled import CompiledController, compile_c, find_compiler
+from contourlab.export.engine_parity import (
+    EngineParity,
+    compare_engines,
+    parity_of_recordings,
+)
 from contourlab.export.exporting import ExportResult, export
 from contourlab.export.fields import Field
 from contourlab.export.generate import GeneratedC, generate
@@ -19,17 +25,21 @@ from contourlab.export.golden import RecordedLoop, record_loop
 from contourlab.export.parity import Parity, check_parity
 
 __all__ = [
+    "CEngine",
     "CompiledController",
+    "EngineParity",
     "ExportResult",
     "Field",
     "GeneratedC",
     "Parity",
     "RecordedLoop",
     "check_parity",
+    "compare_engines",
     "compile_c",
     "export",
     "find_compiler",
     "generate",
+    "parity_of_recordings",
     "record_loop",
 ]
 

@@ -222,7 +222,7 @@ def _build(
         variation=build_variation(sections.vary, loops, seed) if sections.vary else None,
         corner_radius=sections.report.corner_radius,
         notes=(*restriction_notes(sections.part, part), *_limit_notes(sections)),
-        common=sections.feed.limits != "own",
+        common=sections.feed.limits != "own", engine=sections.simulation.engine,
     )  # fmt: skip
 
 

@@ -66,6 +66,8 @@ class Scenario:
     """What else the report says of how it was made."""
     common: bool = True
     """Whether all machines have the same reference."""
+    engine: str = "jax"
+    """What computes the runs."""
 
     @property
     def machine(self) -> Machine:
@@ -101,13 +103,15 @@ class Scenario:
             for name in setup.controllers
         )
 
-    def compare(self, progress: Any = None) -> Comparison:
+    def compare(self, progress: Any = None, engine: str | None = None) -> Comparison:
         """Run every controller of the scenario on every machine.
 
         Parameters
         ----------
         progress
             As for :func:`contourlab.compare`.
+        engine
+            In place of the scenario's own.
         """
         names = dict.fromkeys(name for setup in self.setups.values() for name in setup.controllers)
         controllers = {
@@ -125,4 +129,5 @@ class Scenario:
             disturbances=self.disturbances, seed=self.seed, vary=self.variation, part=self.part,
             stops=self.stops, scenario=self.text, title=self.title,
             corner_radius=self.corner_radius, notes=self.notes, progress=progress,
+            engine=engine or self.engine,
         )  # fmt: skip

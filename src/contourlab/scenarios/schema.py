@@ -106,6 +106,7 @@ class SimulationSection(Section):
     sample_time: Time = Field(default=1e-3, gt=0)
     substeps: int | None = Field(default=None, ge=1)
     seed: int = Field(default=0, ge=0, lt=2**63)
+    engine: Literal["jax", "c"] = "jax"
     disturbance: list[dict[str, Any]] = Field(default_factory=list)
 
 

@@ -24,6 +24,7 @@ from contourlab.recordings.reference import Reference
 from contourlab.simulation.blended_corners import blended_corners
 from contourlab.simulation.checks import as_reference
 from contourlab.simulation.draws import Listed, Variation
+from contourlab.simulation.engines import Engine, find_engine
 from contourlab.simulation.pairing import ONLY, Controllers, named_controllers, pair_loops
 from contourlab.simulation.run import simulate
 from contourlab.simulation.spread import Spread, check_variable, run_spread
@@ -208,6 +209,7 @@ def compare(
     corner_radius: float = CORNER_RADIUS,
     notes: Sequence[tuple[str, str]] = (),
     progress: Callable[[str, float], None] | None = None,
+    engine: str | Engine = "jax",
 ) -> Comparison:
     """Run every controller on the same part, on one machine or on each of several.
 
@@ -242,6 +244,8 @@ def compare(
         What else the report should say of how it was made: pairs of name and text.
     progress
         Called with the run's name and the fraction of it done.
+    engine
+        What computes the runs, as for ``simulate``. What varies runs as one batch, in JAX.
 
     Returns
     -------
@@ -253,8 +257,9 @@ def compare(
     RefusedError, TravelError
         A controller cannot take the contour or a machine; the part leaves the travel.
     SimulationError
-        Nothing to run, unknown names, values to vary that do not exist or are out of bounds.
+        Nothing to run, an unknown engine, unknown names, values to vary that do not exist or are out of bounds.
     """
+    engine = find_engine(engine)
     named = isinstance(machine, Mapping)
     machines = dict(machine) if isinstance(machine, Mapping) else {ONLY: machine}
     by_machine = isinstance(reference, Mapping)
@@ -280,6 +285,7 @@ def compare(
         label: simulate(
             loop.machine, loop.controller, loop.reference, disturbances=loop.disturbances,
             seed=seed, name=loop.controller_name, scenario=scenario, progress=told(label),
+            engine=engine,
         )
         for label, loop in loops.items()
     }  # fmt: skip
