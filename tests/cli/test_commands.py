@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from contourlab import papers
+from contourlab.export import find_compiler
 from contourlab.papers import natural_local
 from contourlab.recordings import Recording
 from contourlab.reports import PaperFigure, Reproduction
@@ -91,6 +92,25 @@ def test_simulate_one_of_several(folder, in_process):
     assert result["schema"] == "contourlab.simulate/1"
     assert result["controller"] == "slow"
     assert (folder / "r.csv").read_text().startswith("time,")
+
+
+@pytest.mark.skipif(find_compiler() is None, reason="there is no C compiler here")
+def test_the_engine_of_the_scenario_and_of_the_command_line(folder, in_process):
+    (folder / "s.toml").write_text(SCENARIO + 'engine = "c"\n')
+    _, out, errors = in_process(
+        "simulate", "s.toml", "--controller", "slow", "--output", "c.nc", "--json"
+    )
+    assert Recording.load(folder / "c.nc").dataset.attrs["engine"] == "c", errors
+    rms = json.loads(out)["metrics"]["contour_error_rms"]
+    _, out, errors = in_process(
+        "simulate", "s.toml", "--controller", "slow", "--engine", "jax", "--output", "jax.nc",
+        "--json",
+    )  # fmt: skip
+    assert Recording.load(folder / "jax.nc").dataset.attrs["engine"] == "jax", errors
+    assert json.loads(out)["metrics"]["contour_error_rms"] == pytest.approx(rms, rel=1e-9)
+    status, _, errors = in_process("compare", "s.toml", "--engine", "rust")
+    assert status == 2
+    assert "unknown engine 'rust'; Allowed: c, jax" in errors
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,8 @@
 
 Both are closed loops, so a difference of the last bit goes round: what comes back is multiplied by
 the gains, and a stable loop forgets it. A *decision* that falls otherwise (a count of an encoder, a
-status) is no rounding any more: from there on the runs are two, though each is right. Such decisions
-are listed, and what follows the first is not averaged into the difference of what goes before.
+status) is no rounding any more: from there on the runs are two, though each is right. Such
+decisions are listed, and the difference is that of the rows before the first.
 """
 
 from __future__ import annotations

@@ -257,7 +257,8 @@ def compare(
     RefusedError, TravelError
         A controller cannot take the contour or a machine; the part leaves the travel.
     SimulationError
-        Nothing to run, an unknown engine, unknown names, values to vary that do not exist or are out of bounds.
+        Nothing to run, an unknown engine, unknown names, values to vary that do not exist or are
+        out of bounds.
     """
     engine = find_engine(engine)
     named = isinstance(machine, Mapping)
