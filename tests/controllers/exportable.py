@@ -5,7 +5,8 @@ import numpy as np
 ELEMENTWISE = {
     "abs", "add", "add_any", "and", "atan2", "ceil", "clamp", "convert_element_type", "copy",
     "copy_p", "cos", "cosh", "div", "eq", "exp", "expm1", "floor", "ge", "gt", "integer_pow",
-    "is_finite", "le", "le_to", "log", "log1p", "logistic", "lt", "lt_to", "max", "min", "mul", "ne", "neg", "not",
+    "is_finite", "le", "le_to", "log", "log1p", "logistic", "lt", "lt_to", "max", "min", "mul",
+    "ne", "neg", "not",
     "or", "pow", "rem", "round", "rsqrt", "select_n", "sign", "sin", "sinh", "sqrt", "square",
     "stop_gradient", "sub", "tan", "tanh", "xor", "cbrt",
 }  # fmt: skip

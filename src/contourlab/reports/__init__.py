@@ -34,6 +34,8 @@ from contourlab.reports.tables import (
     run_json,
     spread_table,
 )
+from contourlab.reports.tables import comparison_json, comparison_table, run_json, spread_table
+from contourlab.reports.trade_off_figure import trade_off_rows, write_trade_off_figure
 
 __all__ = [
     "ACCURACY_FILES",
@@ -56,6 +58,7 @@ __all__ = [
     "reproduction_table",
     "run_json",
     "spread_table",
+    "trade_off_rows",
     "write_accuracy",
     "write_chattering_figure",
     "write_evaluation",
@@ -63,4 +66,5 @@ __all__ = [
     "write_identification_report",
     "write_paper_figures",
     "write_report",
+    "write_trade_off_figure",
 ]
