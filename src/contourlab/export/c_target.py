@@ -50,7 +50,7 @@ def write_c(
     prefix = generated.prefix
     facts = {
         "g": generated, "P": prefix, "version": contourlab.__version__, "loop": loop,
-        "bound": unmeasured_bound(generated) if parity is None else parity.bound, 
+        "bound": unmeasured_bound(generated) if parity is None else parity.bound,
         "parity": parity, "golden": GOLDEN,
         "flags": " ".join(FLAGS), "strict": STRICT, "sanitizers": SANITIZERS,
         "state_bytes": size_of(generated, generated.state),

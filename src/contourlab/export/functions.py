@@ -106,7 +106,7 @@ def function_source(
     drop_unused(block, wanted)
     body = printer.block(block)
     lines = ["#include <math.h>", "#include <stdbool.h>", "#include <stdint.h>",
-             "#include <string.h>", "", 
+             "#include <string.h>", "",
              f"typedef {printer.precision.c_type} {printer.real};", ""]  # fmt: skip
     text = "\n".join(body)
     for table in builder.tables.values():

@@ -34,7 +34,6 @@ from contourlab.reports.tables import (
     run_json,
     spread_table,
 )
-from contourlab.reports.tables import comparison_json, comparison_table, run_json, spread_table
 from contourlab.reports.trade_off_figure import trade_off_rows, write_trade_off_figure
 
 __all__ = [
