@@ -26,9 +26,9 @@ from contourlab.controllers.integral_sliding_mode import IntegralSlidingMode
 from contourlab.controllers.integrated_adaptive_robust import IntegratedAdaptiveRobust
 from contourlab.controllers.internal_model_contouring import InternalModelContouring
 from contourlab.controllers.least_squares import BoundLeastSquares, FilteredLeastSquares
-from contourlab.controllers.model_predictive_contouring import (
+from contourlab.controllers.model_predictive_contouring import ModelPredictiveContouring
+from contourlab.controllers.model_predictive_contouring_law import (
     BoundModelPredictiveContouring,
-    ModelPredictiveContouring,
 )
 from contourlab.controllers.natural_local_task_frame import NaturalLocalTaskFrame
 from contourlab.controllers.newton_cross_coupled import NewtonCrossCoupled

@@ -109,7 +109,7 @@ class BoundModelPredictiveContouring(BoundController):
         position = jnp.where(known, sample.position, sample.reference.position)
         return PredictiveState(
             Observed(position, zero, zero), start, jnp.asarray(end), jnp.asarray(end), inputs,
-            jnp.zeros((big, n)), jnp.zeros(n + 1), jnp.zeros(shape), points.piece[0],
+            jnp.zeros((big, n)), jnp.zeros(n + 1), jnp.zeros(shape), jnp.asarray(points.piece)[0],
             zero, whole, whole, whole, whole,
         )  # fmt: skip
 
@@ -131,13 +131,13 @@ class BoundModelPredictiveContouring(BoundController):
         kept = plan
         multipliers = state.multipliers
         good: Array = jnp.ones((), bool)
-        over: Array = jnp.zeros((), bool)
+        over: Flag = jnp.zeros((), bool)
         iterations: Array = jnp.zeros((), jnp.int32)
         here: Any = None
         program: Any = None
         for _ in range(self.passes):
             points = self.path.points(plan.progress, piece)
-            piece = points.piece[0]
+            piece = jnp.asarray(points.piece)[0]
             here = jax.tree.map(lambda x: x[0], points) if here is None else here
             ahead = jax.tree.map(lambda x: x[1:], points)
             program = planner.program(plan, ahead, state.applied, end, self.safe)

@@ -377,7 +377,7 @@ class ContouringProgram(eqx.Module):
         a = jnp.asarray(limits.braking)
         last_point = jax.tree.map(lambda x: x[-1], path)
         # able to stop: (t' v)² <= 2 a (end - s)
-        squares = [(2.0 * a * (end - plan.progress[-1]), -2.0 * a)]
+        squares: list[tuple[Scalar, Scalar]] = [(2.0 * a * (end - plan.progress[-1]), -2.0 * a)]
         if safe is not None:
             squares.append(safe.at(safe.everything, plan.progress[-1], last_point.piece))
         at_end = [self._speed(plan.velocities[-1], last_point, *square) for square in squares]

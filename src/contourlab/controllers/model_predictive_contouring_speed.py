@@ -137,7 +137,8 @@ def safe_speed(path: ProgressPath, deceleration: Scalar, turn_in: Scalar) -> Saf
     turn_in
         ℓ > 0 [m].
     """
-    return _safe_speed(path, jnp.asarray(deceleration), jnp.asarray(turn_in))
+    found: SafeSpeed = _safe_speed(path, jnp.asarray(deceleration), jnp.asarray(turn_in))
+    return found
 
 
 @jax.jit
@@ -164,7 +165,7 @@ def _safe_speed(path: ProgressPath, deceleration: Array, turn_in: Array) -> Safe
         # a piece may be entered as fast as its curvature allows, and left so
         nodes = nodes.at[:-1].min(within).at[1:].min(within)
         nodes = nodes.at[-1].set(0.0) if stop else nodes
-        nodes = _spread(nodes, 2.0 * a * lengths, closed)
+        nodes = jnp.asarray(_spread(nodes, 2.0 * a * lengths, closed))
         return _Bound(jnp.where(bounded, nodes, jnp.inf), jnp.where(bounded, within, jnp.inf))
 
     everything = bound(turns, stop=not closed)
@@ -220,7 +221,7 @@ def _angle(before: Array, after: Array) -> Array:
 def _turned_around(turns: _Turns, turn_in: Scalar, closed: bool) -> Array:
     """Return what is turned within ℓ/2 of each end of a piece, joints at both ends included."""
     lengths = jnp.diff(turns.breaks)
-    joints = turns.joints.at[-1].set(0.0)  # of a closed path the first again
+    joints = jnp.asarray(turns.joints).at[-1].set(0.0)  # of a closed path the first again
     after = jnp.cumsum(joints[:-1] + turns.pieces) - turns.pieces  # Θ after the joint
     total = after[-1] + turns.pieces[-1]
     rate = turns.pieces / lengths

@@ -116,7 +116,7 @@ def separate_draws(closed: Any, carries: Sequence[tuple[int, int]]) -> Draws:
     numbers = list(known.jaxpr.outvars[len(known.jaxpr.outvars) - len(drawn) :])
     constants, which = _constant_outputs(known, numbers)
     leading: list[int | NDArray[Any]] = []
-    kept_numbers = []
+    kept_numbers: list[Any] = []
     for number, constant in zip(numbers, which, strict=True):
         if constant is None:
             leading.append(len(kept_numbers))

@@ -114,7 +114,7 @@ def _variable(aval: Any) -> Variable:
 
 def _read(env: dict[Any, Atom], one: Any) -> Atom:
     if isinstance(one, core.Literal):
-        return Known(np.asarray(one.val, one.aval.dtype))
+        return Known(np.asarray(one.val, getattr(one.aval, "dtype", None)))
     return env[one]
 
 
@@ -130,7 +130,7 @@ def _open(jaxpr: Any, env: dict[Any, Atom], equations: list[Equation], caller: s
             inner = _called(eqn.params)
             body = getattr(inner, "jaxpr", inner)
             consts = getattr(inner, "consts", ())
-            scope = {
+            scope: dict[Any, Atom] = {
                 v: Known(np.asarray(c)) for v, c in zip(body.constvars, consts, strict=True)
             }  # fmt: skip
             scope.update(zip(body.invars, inputs, strict=True))

@@ -308,9 +308,9 @@ def _source(
     for field in fields["parameters"]:
         flat = np.asarray(defaults[field.name]).ravel()
         for k, one in enumerate(flat):
-            text = literal(one, flat.dtype, printer.precision)
+            number = literal(one, flat.dtype, printer.precision)
             place = field.name if field.shape == () else f"{field.name}[{k}]"
-            lines.append(f"    parameters->{place} = {text};")
+            lines.append(f"    parameters->{place} = {number};")
     if not fields["parameters"]:
         lines.append("    parameters->unused = 0;")
     lines += ["}", ""]

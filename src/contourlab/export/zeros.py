@@ -133,7 +133,8 @@ def _scattered(equation: Equation, args: Any, patterns: list[Pattern]) -> Patter
         indices_are_sorted=params["indices_are_sorted"], unique_indices=params["unique_indices"],
         mode=params["mode"],
     )  # fmt: skip
-    return np.asarray(found) != 0
+    pattern: Pattern = np.asarray(found) != 0
+    return pattern
 
 
 def _product(equation: Equation, args: Any, patterns: list[Pattern]) -> Pattern:

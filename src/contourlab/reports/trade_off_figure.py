@@ -40,7 +40,7 @@ def trade_off_rows(runs: Mapping[float, Recording]) -> list[dict[str, float]]:
         error = np.abs(np.asarray(run["contour_error"]))
         names = ("cycle_time", "contour_error_rms", "contour_error_max")
         rows.append({
-            "bound": bound, **{name: float(run.metrics[name]) for name in names},
+            "bound": bound, **{name: float(np.asarray(run.metrics[name])) for name in names},
             "beyond": float(np.mean(error > bound)),
         })  # fmt: skip
     return rows

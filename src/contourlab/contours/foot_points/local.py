@@ -237,10 +237,13 @@ def walk(cells: Cells, q: Array, begun: Start) -> Foot:
     # each pass takes one of what is left to either walker, or turns to the other: the count says
     # to compilers that ask for a bound what is so in any case
     most = 2 * (jnp.asarray(cells.total(), jnp.int32) + 3)
+    begin: tuple[Foot, Walker, Walker, Array] = (
+        begun.foot, begun.ahead, begun.behind, jnp.zeros((), jnp.int32),
+    )  # fmt: skip
     foot, *_ = jax.lax.while_loop(
         lambda state: ((state[1].left > 0) | (state[2].left > 0)) & (state[3] < most),
         onward,
-        (begun.foot, begun.ahead, begun.behind, jnp.zeros((), jnp.int32)),
+        begin,
     )
     return foot
 

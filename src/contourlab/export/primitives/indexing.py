@@ -226,9 +226,9 @@ def _scatter(emission: Emission, equation: Equation, args: list[Value]) -> list[
         for index in indices(updates.shape):
             at, inside = target(index)
             if inside.value:
-                place = flat_index(out.shape, tuple(at)).constant
+                element = flat_index(out.shape, tuple(at)).constant
                 new = builder.bind(updates.at(builder, index))
-                elements[place] = combined(elements[place], new)
+                elements[element] = combined(elements[element], new)
         return [Atoms(builder, out.shape, out.dtype, elements)]
     label = stored(builder, source, builder.array(out.dtype, source.size)).array
     with builder.loops(updates.shape) as index:

@@ -38,7 +38,7 @@ def _by_sum(value: Value, batch: Any, total: Any, free: Any) -> Any:
     order = (*batch, *total, *free)
     n_batch, n_sum = len(batch), len(total)
     turned = pattern.transpose(order)
-    turned = turned.any(axis=tuple(range(n_batch)))
+    turned = np.asarray(turned.any(axis=tuple(range(n_batch))))
     count = int(np.prod(turned.shape[:n_sum], dtype=int))
     return turned.reshape(count, -1)
 
@@ -151,10 +151,10 @@ def dot_general(emission: Emission, equation: Equation, args: list[Value]) -> li
             builder.loops(column_shape if loop_columns else ()) as columns_at,
         ):
             for row in [rows_at] if loop_rows else indices(row_shape):
-                for column in [columns_at] if loop_columns else indices(column_shape):
-                    at = (*batch, *row, *column)
-                    place = flat_index(out.shape, at)
-                    builder.add(Store(label, place, total(at), builder.line))
+                for several in [columns_at] if loop_columns else indices(column_shape):
+                    element = (*batch, *row, *several)
+                    place = flat_index(out.shape, element)
+                    builder.add(Store(label, place, total(element), builder.line))
         return [Stored(out.shape, out.dtype, label)]
     columns = right_free and out.shape[-1] > 1
     if columns:

@@ -107,7 +107,7 @@ def _sparse_sum(
     if pattern is None or out.dtype.kind != "f" or int(np.prod(out.shape)) <= 16:
         return None
     looped = outer[0]
-    pattern = pattern.any(axis=looped, keepdims=True)
+    pattern = np.asarray(pattern.any(axis=looped, keepdims=True))
     rest = [k for k in outer if k != looped]
     if pattern.mean() > 0.6 or max(pattern.sum(), np.prod([source.shape[k] for k in rest])) > 600:
         return None

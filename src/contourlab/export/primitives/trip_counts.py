@@ -93,7 +93,8 @@ def _runs_once(condition: Program, carries: Any, body: Program) -> bool:
 def _conditions(program: Program) -> list[tuple[str, Any, Any]]:
     """Return the comparisons that all must hold."""
     made = {equation.outputs[0]: equation for equation in program.equations}
-    found, wanted = [], list(program.outputs)
+    found: list[tuple[str, Any, Any]] = []
+    wanted = list(program.outputs)
     while wanted:
         one = wanted.pop()
         equation = made.get(one) if isinstance(one, Variable) else None
@@ -102,7 +103,8 @@ def _conditions(program: Program) -> list[tuple[str, Any, Any]]:
         if equation.primitive in ("and", "convert_element_type", "reshape", "squeeze"):
             wanted += equation.inputs
         elif equation.primitive in ("lt", "le", "gt", "ge"):
-            found.append((equation.primitive, *equation.inputs))
+            left, right = equation.inputs
+            found.append((equation.primitive, left, right))
     return found
 
 

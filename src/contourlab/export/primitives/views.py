@@ -234,7 +234,7 @@ def _pad(emission: Emission, equation: Equation, args: list[Value]) -> list[Valu
     from contourlab.export.values import Rule
 
     part = Rule(tuple(n for _, n in keep), source.dtype, shown)
-    pieces = [(part, place)] if part.size else []
+    pieces: list[tuple[Value, Any]] = [(part, place)] if part.size else []
     return [_pieces(emission, out, pieces, fill)]
 
 
