@@ -87,13 +87,23 @@ def test_weights_six_decades_away_are_solved():
     reference = cl.feedrate.constant_feed(line, feed=0.03, sample_time=5e-3)
     batch = cl.simulate_many(
         machine, law, reference, vary={f"controller.{k}": np.array(v) for k, v in vary.items()},
-        metrics=["contour_error_max"], record=["status"],
+        metrics=["contour_error_max"], record=["status", "actual"],
     )  # fmt: skip
     status = np.asarray(batch["status"])
     assert not np.any(status == 3)  # no program without a solution
-    assert np.all(np.isfinite(np.asarray(batch["contour_error_max"])))
-    # on a straight line there is nothing to trade the contour error for
-    assert np.max(np.asarray(batch["contour_error_max"])) < 1e-6
+    error = dict(
+        zip(((one, f) for one in natural for f in (1e-6, 1e6)),
+            np.asarray(batch["contour_error_max"]), strict=True)
+    )  # fmt: skip
+    # With the contour error all but free, both axes start at their limit of 20 V and leave the
+    # line; with the lag all but free, the tool overshoots the end along the line. With every
+    # other weight there is nothing on a straight line to trade the contour error for.
+    assert 1e-4 < error.pop(("contour_weight", 1e-6)) < 1e-3
+    assert 1e-6 < error.pop(("lag_weight", 1e-6)) < 2e-4
+    assert max(error.values()) < 1e-6
+    # with any weight on the two errors it arrives; dear changes only slow it down
+    last = np.asarray(batch["actual"])[:4, -1]
+    assert np.max(np.linalg.norm(last - np.array([0.004, 0.002]), axis=-1)) < 1e-5
 
 
 @pytest.mark.slow

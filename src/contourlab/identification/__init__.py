@@ -12,7 +12,7 @@ from contourlab.identification.health import Change, Health, HealthSeries, track
 from contourlab.identification.identify import INSTRUMENTS, identify
 from contourlab.identification.machine import identify_machine
 from contourlab.identification.machine_model import identified_machine
-from contourlab.identification.machine_result import AxisModel, MachineIdentification, shown
+from contourlab.identification.machine_result import AxisModel, MachineIdentification
 from contourlab.identification.result import (
     AxisIdentification,
     Identification,
@@ -43,6 +43,5 @@ __all__ = [
     "identify",
     "identify_machine",
     "is_sweep",
-    "shown",
     "track_health",
 ]

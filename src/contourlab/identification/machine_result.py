@@ -12,7 +12,7 @@ from contourlab.errors import RecordingError, choices
 from contourlab.identification.result import Parameter
 from contourlab.machines.base import CommandKind
 
-__all__ = ["AxisModel", "MachineIdentification", "shown"]
+__all__ = ["AxisModel", "MachineIdentification"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -137,7 +137,7 @@ class MachineIdentification:
         ]
         for axis in self.axes:
             for name, one in axis.parameters.items():
-                lines.append(f"{axis.axis:<5} {name:<17} {shown(one)}")
+                lines.append(f"{axis.axis:<5} {name:<17} {one}")
         return "\n".join([*lines, *self.warnings])
 
 
@@ -150,27 +150,3 @@ def _plain(one: Parameter) -> dict[str, Any]:
         "value": _number(one.value), "low": _number(one.low), "high": _number(one.high),
         "unit": one.unit,
     }  # fmt: skip
-
-
-def shown(parameter: Parameter) -> str:
-    """Return a value with half of its interval, to two digits of that.
-
-    Parameters
-    ----------
-    parameter
-        Known, found or not found.
-    """
-    if not parameter.identified:
-        return "not found"
-    if parameter.known:
-        return f"{parameter.value:g} {parameter.unit}, given"
-    half = 0.5 * (parameter.high - parameter.low)
-    if not (math.isfinite(half) and half > 0.0):
-        return f"{parameter.value:.6g} {parameter.unit}"
-    power = max(math.floor(math.log10(max(abs(parameter.value), half))), -300)
-    if -4 < power < 6:
-        places = max(0, 1 - math.floor(math.log10(half)))
-        return f"{parameter.value:.{places}f} +- {half:.{places}f} {parameter.unit}"
-    digits = max(0, power - math.floor(math.log10(half)) + 1)
-    scaled, width = parameter.value / 10.0**power, half / 10.0**power
-    return f"({scaled:.{digits}f} +- {width:.{digits}f})e{power} {parameter.unit}"

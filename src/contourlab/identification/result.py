@@ -33,6 +33,23 @@ class Parameter:
         """Whether there is a value."""
         return bool(np.isfinite(self.value))
 
+    def __str__(self) -> str:
+        """Value and half of its interval, to two digits of that."""
+        if not self.identified:
+            return "not found"
+        if self.known:
+            return f"{self.value:g} {self.unit}, given"
+        half = 0.5 * (self.high - self.low)
+        if not (math.isfinite(half) and half > 0.0):
+            return f"{self.value:.6g} {self.unit}"
+        power = max(math.floor(math.log10(max(abs(self.value), half))), -300)
+        if -4 < power < 6:
+            places = max(0, 1 - math.floor(math.log10(half)))
+            return f"{self.value:.{places}f} +- {half:.{places}f} {self.unit}"
+        digits = max(0, power - math.floor(math.log10(half)) + 1)
+        scaled, width = self.value / 10.0**power, half / 10.0**power
+        return f"({scaled:.{digits}f} +- {width:.{digits}f})e{power} {self.unit}"
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AxisIdentification:
@@ -202,7 +219,7 @@ class Identification:
         lines = [f"axis  parameter    value and half of the {100 * self.confidence:g} % interval"]
         for axis in self.axes:
             for name, one in axis.parameters.items():
-                lines.append(f"{axis.axis:<5} {name:<12} {_shown(one)}")
+                lines.append(f"{axis.axis:<5} {name:<12} {one}")
         return "\n".join([*lines, *self.warnings])
 
     def _rows(self, what: str) -> NDArray[Any]:
@@ -216,14 +233,3 @@ class Identification:
                     f"axis {axis.axis}: {', '.join(missing)} could not be found from this record; "
                     "give what is known of it to identify(known=...), or record another motion"
                 )
-
-
-def _shown(parameter: Parameter) -> str:
-    if not parameter.identified:
-        return "not found"
-    if parameter.known:
-        return f"{parameter.value:g} {parameter.unit}, given"
-    half = 0.5 * (parameter.high - parameter.low)
-    # two digits of the half width, and the value to the same place
-    places = 6 if half <= 0.0 else max(0, 1 - math.floor(math.log10(half)))
-    return f"{parameter.value:.{places}f} +- {half:.{places}f} {parameter.unit}"

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contourlab.identification import (
-    AxisModel,
-    FrequencyModel,
-    FrequencyResponse,
-    Health,
-    MachineIdentification,
-)
 from contourlab.reports.decimation import kept_rows
 from contourlab.reports.page import packed
 from contourlab.reports.palette import look
+
+if TYPE_CHECKING:
+    from contourlab.identification import (
+        AxisModel,
+        FrequencyModel,
+        FrequencyResponse,
+        Health,
+        MachineIdentification,
+    )
 
 __all__ = ["bode_figure", "correlation_figure", "health_figures", "residual_figure"]
 

@@ -7,14 +7,8 @@ forbids every request.
 from __future__ import annotations
 
 from pathlib import Path as FilePath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from contourlab.identification import (
-    FrequencyModel,
-    FrequencyResponse,
-    Health,
-    MachineIdentification,
-)
 from contourlab.reports.identification_figures import (
     bode_figure,
     correlation_figure,
@@ -29,6 +23,14 @@ from contourlab.reports.identification_table import (
     result_sentences,
 )
 from contourlab.reports.page import script_json, template
+
+if TYPE_CHECKING:
+    from contourlab.identification import (
+        FrequencyModel,
+        FrequencyResponse,
+        Health,
+        MachineIdentification,
+    )
 
 __all__ = ["write_identification_report"]
 

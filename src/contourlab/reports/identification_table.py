@@ -6,17 +6,16 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from contourlab.identification import (
-    FrequencyModel,
-    FrequencyResponse,
-    Health,
-    MachineIdentification,
-    Parameter,
-    shown,
-)
-
 if TYPE_CHECKING:
     from rich.table import Table
+
+    from contourlab.identification import (
+        FrequencyModel,
+        FrequencyResponse,
+        Health,
+        MachineIdentification,
+        Parameter,
+    )
 
 __all__ = [
     "change_rows",
@@ -48,7 +47,7 @@ def identification_table(found: MachineIdentification) -> Table:
         for name, one in axis.parameters.items():
             start = axis.least_squares[name]
             table.add_row(
-                axis.axis, name, shown(one), f"{start.value:.6g}" if start.identified else "–"
+                axis.axis, name, str(one), f"{start.value:.6g}" if start.identified else "–"
             )
     return table
 
@@ -67,7 +66,7 @@ def parameter_rows(found: MachineIdentification) -> list[list[str]]:
             start = axis.least_squares[name]
             rows.append(
                 [
-                    axis.axis, name, shown(one).removesuffix(f" {one.unit}"), _ends(one), one.unit,
+                    axis.axis, name, str(one).removesuffix(f" {one.unit}"), _ends(one), one.unit,
                     f"{start.value:.6g}" if start.identified else "–",
                 ]
             )  # fmt: skip
@@ -143,7 +142,7 @@ def result_sentences(found: MachineIdentification) -> list[str]:
     said = []
     for axis in found.axes:
         parts = [
-            f"{name} {shown(axis[name])}"
+            f"{name} {axis[name]}"
             for name in ("mass", "viscous", "stiffness")
             if axis[name].identified
         ]
