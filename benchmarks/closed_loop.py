@@ -1,7 +1,7 @@
-"""One closed loop: contourlab against a NumPy loop, python-control and a C loop written by hand.
+"""One closed loop: contourlab's two engines against NumPy, python-control and C by hand.
 
 The same two axes (mass and viscous friction, exact zero-order hold) under the same PID with
-filtered derivative and feed-forward, along the same ellipse. All four must give the same motion
+filtered derivative and feed-forward, along the same ellipse. All of them must give the same motion
 before any is timed. Ratios are taken in one run on one machine.
 
     python benchmarks/closed_loop.py [--json] [--steps 300000]
@@ -21,9 +21,11 @@ import jax
 import numpy as np
 
 import contourlab as cl
+from contourlab.export.c_engine import CEngine
 from contourlab.machines import Drive, Encoder, Friction, Machine, RigidAxes
+from contourlab.simulation.engines import ClosedLoop
 from contourlab.simulation.jax_engine import advance, start
-from contourlab.simulation.loop import chunk_size, split
+from contourlab.simulation.loop import chunk_size, geometry_rows, split
 from contourlab.simulation.run import loop_reach
 
 DT = 1e-3
@@ -96,6 +98,37 @@ def jax_loop(machine, law, reference):
             rows.append(out["actual"])
         jax.block_until_ready(rows)
         return rows
+
+    return run
+
+
+def c_engine_loop(machine, law, reference):
+    """Return a function that runs the loop as ``engine="c"`` compiles it: no foot points."""
+    needs = law.needs
+    loop = ClosedLoop(
+        machine=machine.bind(DT), law=law.bind(reference.contour, DT), reference=reference,
+        disturbances=(), reach=loop_reach(reference), key=jax.random.key(0), needs=needs,
+        length=reference.n_samples,
+    )  # fmt: skip
+    size = chunk_size(reference.n_samples)
+    chunks = [
+        (points, np.asarray(geometry_rows(reference.contour, points.parameter[:size],
+                                          needs.derivatives)))
+        for points in split(reference, size, needs.preview, loop.length)
+    ]  # fmt: skip
+
+    points, geometry = chunks[0]
+    carry = start(loop.machine, loop.law, reference.contour, points, loop.key, needs)
+    compiled = CEngine()._prepared(loop, carry, points, geometry)
+    first = [one.copy() for one in compiled._state]
+
+    def run():
+        for one, value in zip(compiled._state, first, strict=True):
+            one[...] = value
+        for rows in chunks:
+            for _ in compiled.steps(*rows):
+                pass
+        return compiled.outcome().values["actual"]
 
     return run
 
@@ -237,7 +270,9 @@ def main():
         python = numpy_loop(law, reference, few)
         control = control_loop(law, reference, few)
         truth = np.asarray(jax.numpy.concatenate(ours()))[: options.steps]
+        exported = c_engine_loop(machine, law, reference)
         differences = {
+            "engine c": np.abs(exported() - truth).max(),
             "C by hand": np.abs(c() - truth).max(),
             "NumPy loop": np.abs(python() - truth[:few]).max(),
             "python-control": np.abs(control() - truth[:few]).max(),
@@ -245,6 +280,8 @@ def main():
         assert max(differences.values()) < 1e-12, differences
         rows = [
             ("contourlab, compiled", best(ours, 7) / options.steps * 1e6, 0.0),
+            ("contourlab, engine c", best(exported, 7) / options.steps * 1e6,
+             differences["engine c"]),
             ("C by hand, gcc -O2", best(c, 7) / options.steps * 1e6, differences["C by hand"]),
             ("NumPy loop", best(python, 3) / few * 1e6, differences["NumPy loop"]),
             ("python-control input_output_response", best(control, 1) / few * 1e6,
@@ -260,7 +297,12 @@ def main():
     result = {
         "steps": options.steps,
         "rows": [
-            {"loop": name, "us_per_step": us, "ratio": us / base, "max_difference_m": difference}
+            {
+                "loop": name,
+                "us_per_step": us,
+                "ratio": us / base,
+                "max_difference_m": float(difference),
+            }
             for name, us, difference in rows
         ],
         "friction_ten_substeps_us_per_step": friction / options.steps * 1e6,

@@ -28,6 +28,7 @@ import numpy as np
 
 from contourlab.export import check_parity, compile_c, find_compiler, generate, record_loop
 from contourlab.export.c_target import size_of
+from contourlab.testing.condensed_program import condensed_program
 
 ROOT = Path(__file__).parents[1]
 DRIVER = r"""
@@ -124,34 +125,6 @@ def in_c(generated, recorded, compiled, folder, flags):
     return [*found], int(sizes.splitlines()[1].split()[0])
 
 
-def condensed(program):
-    """Return a staged program over its inputs alone: H, f, A, lower, upper."""
-    d = np.asarray(program.dynamics)
-    n, n_x, n_y = program.rows.shape[0], d.shape[0], d.shape[1]
-    n_u = n_y - n_x
-    to_x = np.zeros((n_x, n * n_u))
-    offset = np.asarray(program.start)
-    hessian, gradient = np.zeros((n * n_u, n * n_u)), np.zeros(n * n_u)
-    rows, lower, upper = [], [], []
-    for j in range(n):
-        pick = np.zeros((n_u, n * n_u))
-        pick[:, j * n_u : (j + 1) * n_u] = np.eye(n_u)
-        to_y, at = np.vstack([to_x, pick]), np.concatenate([offset, np.zeros(n_u)])
-        h = np.asarray(program.hessian[j])
-        hessian += to_y.T @ h @ to_y
-        gradient += to_y.T @ (h @ at + np.asarray(program.gradient[j]))
-        e = np.asarray(program.rows[j])
-        rows.append(e @ to_y)
-        lower.append(np.asarray(program.lower[j]) - e @ at)
-        upper.append(np.asarray(program.upper[j]) - e @ at)
-        to_x, offset = d @ to_y, d @ at
-    h = np.asarray(program.terminal_hessian)
-    hessian += to_x.T @ h @ to_x
-    gradient += to_x.T @ (h @ offset + np.asarray(program.terminal_gradient))
-    soft = np.tile(np.isfinite(np.asarray(program.penalty)), n)
-    return hessian, gradient, np.vstack(rows), np.concatenate(lower), np.concatenate(upper), soft
-
-
 def daqp_times(recorded, count=40):
     """Return the median time of DAQP's C on programs of the loop [ns]; None without it."""
     try:
@@ -164,11 +137,10 @@ def daqp_times(recorded, count=40):
     step, program_at = jax.jit(law.step.__func__), jax.jit(law.program_at.__func__)
     for k in range(min(count, recorded.n_steps)):
         sample = recorded.at(k)
-        h, f, a, low, high, soft = condensed(program_at(law, state, sample))
-        keep = np.isfinite(low) | np.isfinite(high)
-        a, low, high, soft = a[keep], low[keep], high[keep], soft[keep]
-        low, high = np.clip(low, -1e30, 1e30), np.clip(high, -1e30, 1e30)
-        sense = np.where(soft, 8, 0).astype(np.int32)
+        dense = condensed_program(program_at(law, state, sample))
+        h, f, a = dense.hessian, dense.gradient, dense.rows
+        low, high = np.clip(dense.lower, -1e30, 1e30), np.clip(dense.upper, -1e30, 1e30)
+        sense = np.where(np.isfinite(dense.penalty), 8, 0).astype(np.int32)
         best = np.inf
         for _ in range(3):
             *_, info = daqp.solve(h + 1e-12 * np.eye(len(h)), f, np.ascontiguousarray(a), high,
