@@ -16,7 +16,7 @@ from contourlab.controllers.model_predictive_contouring_path import (
     tangent_normals,
 )
 from contourlab.controllers.model_predictive_contouring_program import Plan
-from contourlab.controllers.model_predictive_contouring_speed import safe_speed
+from contourlab.controllers.model_predictive_contouring_speed import safe_speed, turn_in_length
 from contourlab.errors import ConfigurationError, RefusedError
 from contourlab.machines import Drive, Encoder, Friction, Machine, RigidAxes
 from contourlab.machines.base import NominalModel
@@ -260,6 +260,22 @@ def test_a_corner_s_speed_does_not_depend_on_how_long_the_program_is(way):
     wanted = at_corner + 2.0 * BRAKING * np.array([2e-3, 0.0, 2e-3])
     assert_allclose(square, wanted, rtol=1e-9)
     assert_allclose(slope[::2], [-2.0 * BRAKING, 2.0 * BRAKING])
+
+
+@pytest.mark.parametrize("error", [None, 5e-6], ids=["by the speed", "by the bound"])
+def test_a_safe_speed_has_its_derivatives_backwards_too(error):
+    """At a right angle the square is a ℓ / √2, ℓ being v T or 8 ε / Θ; elsewhere none of it."""
+    path = progress_path(Path.polyline(np.array([[0.0, 0.0], [0.01, 0.0], [0.01, 0.01]])))
+
+    def square(speed, error):
+        found = safe_speed(path, BRAKING, turn_in_length(speed, T, error))
+        return found.at(found.corners, 0.01, jnp.ones((), jnp.int32))[0]
+
+    of_speed = jax.grad(square)(0.03, error)
+    assert_allclose(of_speed, 0.0 if error else BRAKING * T / np.sqrt(2.0), rtol=1e-9)
+    if error:
+        of_error = jax.grad(square, 1)(0.03, error)
+        assert_allclose(of_error, BRAKING * 8.0 / (0.5 * np.pi) / np.sqrt(2.0), rtol=1e-9)
 
 
 def test_a_notch_in_a_long_program_is_seen():

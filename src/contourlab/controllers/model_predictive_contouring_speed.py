@@ -158,10 +158,11 @@ def _safe_speed(path: ProgressPath, deceleration: Array, turn_in: Array) -> Safe
 
     def bound(turns: _Turns, *, stop: bool) -> _Bound:
         turned = _turned_around(turns, turn_in, closed)
-        nodes = a * turn_in / jnp.maximum(turned, 1e-300)
+        bent = turned > SMOOTH
+        # not divided by what is next to 0: a derivative backwards would be 0 times infinity
+        nodes = jnp.where(bent, a * turn_in / jnp.where(bent, turned, 1.0), jnp.inf)
         straight = turns.curvature * turn_in < 1e-9
         within = jnp.where(straight, jnp.inf, a / jnp.where(straight, 1.0, turns.curvature))
-        nodes = jnp.where(turned > SMOOTH, nodes, jnp.inf)
         # a piece may be entered as fast as its curvature allows, and left so
         nodes = nodes.at[:-1].min(within).at[1:].min(within)
         nodes = nodes.at[-1].set(0.0) if stop else nodes
