@@ -7,6 +7,7 @@ from numpy.testing import assert_allclose
 
 from contourlab.configuration import replace
 from contourlab.controllers import CrossCoupled
+from contourlab.machines import Encoder
 from contourlab.machines.published import cao_zhang_stage
 from contourlab.papers import internal_model as paper
 from contourlab.papers import internal_model_claims as claims
@@ -63,6 +64,20 @@ def test_the_task_frame_at_a_quarter_of_the_sample_time_is_the_published_one():
     assert_allclose(quick / found(TCF, "circle"), 0.25, rtol=0.1)
 
 
+TASK_FRAME_ON_THE_HEART = (9.67e-4, 1.436e-2), (1.81e-4, 3.06e-3)
+"""With the velocity by differences, and with the true one: rms and maximum [mm]."""
+
+
+@pytest.mark.slow
+def test_what_the_task_frame_is_off_on_the_heart_is_how_it_finds_the_velocity():
+    """Five times by differences; with the true velocity the printed figures are near."""
+    stage = cao_zhang_stage()
+    seen = replace(stage, dynamics=stage.dynamics.continuous(), sensor=Encoder(velocity="ideal"))
+    by_difference, true = TASK_FRAME_ON_THE_HEART
+    assert_allclose(found(TCF, "heart"), by_difference, rtol=0.01)
+    assert_allclose(found(TCF, "heart", machine=seen), true, rtol=0.01)
+
+
 def test_the_numbers_that_the_docs_give_stand():
     """5.7e-6 mm rms without compensation; a start from rest takes 318 V, engaging at 1 s 5 V."""
     stage = cao_zhang_stage()
@@ -117,6 +132,20 @@ def test_verdicts_follow_the_figures():
     made.simulated["heart", TV] = Figures(1.0, 1.0)
     again = {(r.case, r.controller): r for r in paper.table_1_rows(made)}
     assert again["heart", TV].verdict == "differs"
+
+
+def test_the_task_frame_on_the_heart_is_told_apart_by_its_velocity():
+    by_difference, true = TASK_FRAME_ON_THE_HEART
+    made = tables()
+    made.simulated["heart", TCF] = Figures(*(1e-3 * x for x in by_difference))
+    reasons = []
+    for told in ({}, {"heart": Figures(*(1e-3 * x for x in true))}):
+        made.true_velocity = told
+        rows = paper.table_1_rows(made)
+        reasons.append([r.note for r in rows if (r.case, r.controller) == ("heart", TCF)])
+    assert all("cusps are rounded" in note for note in reasons[0])
+    assert "told the true one it has 0.000181 mm" in reasons[1][0]
+    assert "told the true one it has 0.00306 mm" in reasons[1][1]
 
 
 def test_an_emulated_figure_stands_by_its_place():

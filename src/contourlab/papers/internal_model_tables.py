@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from contourlab.configuration import replace as changed
+from contourlab.machines import Encoder
 from contourlab.machines.published import cao_zhang_stage, cao_zhang_stage_and_scanner
 from contourlab.papers.internal_model_runs import (
     COUPLED,
@@ -58,6 +59,8 @@ class Tables:
     """With radius 2, where that was tried."""
     fast: dict[str, Figures] = field(default_factory=dict)
     """The task frame law at 0.25 ms."""
+    true_velocity: dict[str, Figures] = field(default_factory=dict)
+    """The task frame law on the heart, given the velocity itself, not a difference of positions."""
     filtered: Figures = field(default_factory=lambda: Figures(np.nan, np.nan))
     """PID on the sinusoid with a filtered derivative, from 0 s."""
     emulated: dict[tuple[str, str], Figures] = field(default_factory=dict)
@@ -86,7 +89,7 @@ def run_tables(progress: Callable[[float], None], contours: tuple[str, ...] = CO
     """
     tables = Tables()
     stage = cao_zhang_stage()
-    total = len(contours) * (2 * len(LAWS) + 3) + 5
+    total = len(contours) * (2 * len(LAWS) + 3) + 6
     done = iter(range(1, total + 2))
 
     def one(
@@ -116,6 +119,10 @@ def run_tables(progress: Callable[[float], None], contours: tuple[str, ...] = CO
         continuous = changed(stage, dynamics=_continuous(stage))
         quick = simulated_reference(contour, 1.0, 20.0, 0.25e-3)
         tables.fast[contour] = figures_of(one(LAWS[2], quick, continuous), *WINDOW)
+        if contour == "heart":
+            seen = changed(continuous, sensor=Encoder(velocity="ideal"))
+            told = one(LAWS[2], simulated_reference(contour), seen)
+            tables.true_velocity[contour] = figures_of(told, *WINDOW)
     start = one(LAWS[0], simulated_reference("sinusoid"), derivative_cutoff_hz=50.0 / (2.0 * np.pi))
     tables.filtered = figures_of(start, 0.0, 20.0)
     _figure_5(tables, one)
