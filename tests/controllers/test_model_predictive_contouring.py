@@ -593,6 +593,7 @@ def test_conformance():
         friction_velocity=1e-3, arrival_tolerance=1e-5,
     )  # fmt: skip
     circle = Circle(radius=np.array(5e-3), center=np.array([0.01, -0.005]))
-    check_controller(
-        controller, contour=circle, sample_time=T, inert={"arrival_tolerance", "lost_samples"}
-    )
+    # every program is solved well within 30 iterations, so that one more changes nothing; what
+    # too few do is in test_without_a_solution_the_last_plan_goes_on_and_brakes
+    inert = {"arrival_tolerance", "lost_samples", "max_iterations"}
+    check_controller(controller, contour=circle, sample_time=T, inert=inert)
