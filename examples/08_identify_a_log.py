@@ -4,9 +4,8 @@ The log is simulated, so that what is found can be compared with what is true: a
 motors with other masses and more friction than its data sheet says, a computing delay, encoders of
 1 µm. ``examples/logs/simulated_stage.csv`` was written by this file.
 
-    contourlab identify examples/logs/simulated_stage.csv --actual X_actual,Y_actual \
-        --commanded X_set,Y_set --command X_force,Y_force --report identified.html \
-        --output machine.toml
+    contourlab identify examples/logs/simulated_stage.csv --report identified.html \
+        --output examples/logs/machine.toml
     contourlab compare examples/logs/identified.toml --output result
 """
 

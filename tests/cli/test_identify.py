@@ -20,11 +20,12 @@ def program(in_process):
 def test_a_log_becomes_a_machine_that_compare_takes(program, tmp_path):
     machine, page, motion = (tmp_path / n for n in ("machine.toml", "page.html", "motion.csv"))
     status, out, _ = program(
-        "identify", LOG, *COLUMNS, "--output", machine, "--report", page, "--suggest", motion,
-        "--json",
+        "identify", LOG, "--output", machine, "--report", page, "--suggest", motion, "--json",
     )  # fmt: skip
     assert status == 0
     body = json.loads(out)
+    # columns are found by their names and units, the command too, and that is said
+    assert any("command is taken from X_force" in warning for warning in body["warnings"])
     assert body["schema"] == "contourlab.identify/1"
     for axis, name, mass in zip(body["axes"], "XY", (6.2, 3.4), strict=True):
         assert axis["axis"] == name
@@ -47,6 +48,21 @@ def test_a_log_becomes_a_machine_that_compare_takes(program, tmp_path):
     status, _, err = program("identify", LOG, *COLUMNS, "--output", machine)
     assert status == 2
     assert "exists already" in err
+
+
+def test_a_position_loop_that_no_mass_on_a_spring_describes_is_no_failure(program):
+    """Feed-forward makes the axis follow as if it had no mass: least squares, and a sentence."""
+    status, out, err = program(
+        "identify", LOG, "--kind", "position", "--window", "0 s,1 s", "--json"
+    )
+    assert status == 0, err
+    body = json.loads(out)
+    for axis in body["axes"]:
+        stiffness = axis["parameters"]["stiffness"]
+        assert stiffness["low"] <= 1.0 <= stiffness["high"]  # at rest it is where it was told
+    text = " ".join(body["warnings"])
+    assert "the command is taken" not in text
+    assert "least squares" in text
 
 
 def test_mistakes_are_named(program, tmp_path):

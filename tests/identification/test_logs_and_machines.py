@@ -1,5 +1,7 @@
 """From uneven logs to machine files that simulate as the machine that made the log."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -93,6 +95,28 @@ def test_the_suggested_motion_keeps_its_limits_and_tells_everything(stage, tmp_p
             exciting_motion(("X", "Y"), **{**limits, **wrong})
     with pytest.raises(ConfigurationError, match="duration"):
         exciting_motion(("X",), stroke=0.1, speed=0.1, acceleration=1.0, duration=1e-3)
+
+
+def test_a_log_of_linuxcnc_gives_the_axes_that_it_moved():
+    """Their friction rises below 5 mm/s, in a motion of 50 mm/s; forces are written to 1 µN."""
+    file = Path(__file__).parents[2] / "examples" / "linuxcnc" / "logs" / "cam_plate.csv"
+    log = cl.logs.read_log(file, command="X force [N],Y force [N]").recording()
+    found = identify_machine(log)
+    true = cl.machines.linear_motor_stage()
+    for k, axis in enumerate(found.axes):
+        assert axis.method == "simulation error"
+        assert axis.minimum_speed > 5e-3
+        # nothing is left but counts of 0.1 um
+        assert axis.residual_rms < 1.5 * 0.1e-6 / np.sqrt(12.0)
+        friction = true.dynamics.friction.coulomb[k]
+        for name, value in (
+            ("mass", true.dynamics.mass[k]), ("viscous", true.dynamics.viscous[k]),
+            ("coulomb_forward", friction), ("coulomb_backward", friction), ("delay", 0.0),
+        ):  # fmt: skip
+            # of ten intervals one misses by a little more often than not
+            half = 0.5 * (axis[name].high - axis[name].low)
+            assert abs(axis[name].value - value) < 2.0 * half, (axis.axis, name)
+    assert sum("Stribeck" in warning for warning in found.warnings) == 2
 
 
 def uneven(time):

@@ -9,7 +9,9 @@ import numpy as np
 
 from contourlab.errors import ConfigurationError, RecordingError, choices
 from contourlab.identification import even_recording
-from contourlab.logs import read_log
+from contourlab.logs import open_log, read_log
+from contourlab.logs.columns import choose_columns, guess_command, listed
+from contourlab.logs.source import Source
 from contourlab.recordings import Recording
 from contourlab.units import parse_quantity
 
@@ -24,7 +26,8 @@ def log_recording(
 ) -> tuple[Recording, tuple[str, ...], tuple[str, ...]]:
     """Return a log as a recording of equidistant samples, warnings, and how it was read.
 
-    A log without a command is that of position loops: the commanded position is the command.
+    Columns of force or voltage are taken for the command where none is stated. A log without any is
+    that of position loops: the commanded position is the command.
 
     Parameters
     ----------
@@ -49,15 +52,23 @@ def log_recording(
     if _is_ours(file) and not any(options.values()):
         recording = Recording.load(file)
     else:
-        log = read_log(file, **options)
+        source = open_log(file)
+        told = _command_of(source, options) if kind != "position" else None
+        if told is not None:
+            options["command"] = told
+        log = read_log(source, **options)
         if not log.timed:
             raise RecordingError(f"{file}: the log has no time: give --sample-time or --time")
         recording = log.recording()
         warnings = log.warnings
+        if told is not None:
+            what = f"the command is taken from {', '.join(told)}, by names and units"
+            warnings = (what, *warnings)
         used = [
             f"{use.role} {use.axis}: column {use.column}"
             + (f" [{use.unit}]" if use.unit else "")
             + ("" if use.column_stated and use.unit_stated else ", guessed")
+            + (", guessed" if use.role == "command" and told is not None else "")
             for use in log.columns
         ]
         notes = (*log.notes, *used)
@@ -85,6 +96,18 @@ def log_recording(
         )
     even, said = even_recording(Recording(dataset))
     return even, (*warnings, *said), notes
+
+
+def _command_of(source: Source, options: dict[str, Any]) -> tuple[str, ...] | None:
+    """Return the columns of the command, if the user names none and the file leaves no doubt."""
+    if options.get("command") is not None or source.roles:
+        return None
+    _, axes = choose_columns(
+        source, command=None, axes=listed(options.get("axes"), "axes"),
+        commanded=listed(options.get("commanded"), "commanded"),
+        actual=listed(options.get("actual"), "actual"),
+    )  # fmt: skip
+    return guess_command(source, axes)
 
 
 def _is_ours(file: Path) -> bool:

@@ -2,7 +2,9 @@
 
 A delay and a lag of the drive that the motion does not tell apart from the rest are held at what
 they are assumed to be; if the residual then says that this cannot be, the delay is looked for all
-the same. A fit that goes astray is not believed: then filtered least squares stand, or nothing.
+the same. Friction that changes at low speed (Stribeck's) is in no model here: where the residual
+says that something is missing, and less is missing among faster rows, those alone count. A fit that
+goes astray is not believed: then filtered least squares stand, or nothing.
 """
 
 from __future__ import annotations
@@ -19,8 +21,8 @@ from contourlab.identification.instrument import directions, driving_command, fo
 from contourlab.identification.machine_result import AxisModel
 from contourlab.identification.machine_words import sentences
 from contourlab.identification.pieces import Pieces, cut_pieces, smooth_velocity
-from contourlab.identification.record import Record
-from contourlab.identification.refinement import Drive, Refined, gram, refine
+from contourlab.identification.record import COMMAND_UNITS, Record
+from contourlab.identification.refinement import Drive, Refined, gram, misfit, refine
 from contourlab.identification.result import AxisIdentification
 from contourlab.identification.separability import Separability, separate
 from contourlab.identification.signals import Signals
@@ -48,6 +50,14 @@ TELLING = 2.0
 tells..."""
 LESS = 0.7
 """...and believed if it leaves less than this share."""
+FASTER = 2.0
+"""Rows slower than this times as much are then left out too, again and again..."""
+MUCH_LESS = 0.5
+"""...as long as no more than this share of the residual is left among those that remain..."""
+STILL_THERE = 0.6
+"""...and this share of the rows."""
+WORSE = 3.0
+"""A residual that is this many times that of the start, and more than noise, refines nothing."""
 SINGULAR = 1e5
 """Condition beyond which a parameter is left out instead of solved for."""
 STILL = 1e-6
@@ -84,7 +94,9 @@ def fit_axis(
     if not signals.weight.any():
         return empty.model(), sentences(empty.model(), record, options.confidence)
 
-    def plain() -> AxisIdentification:
+    def plain() -> AxisIdentification | None:
+        if record.kind not in COMMAND_UNITS:
+            return None  # a position loop has a spring, which only the start knows
         cutoff = 2.0 * np.pi * np.asarray(per_axis("cutoff_hz", law.cutoff_hz, len(record.names)))
         return identify_axis(
             record, k, signals, instrument=instrument, given=np.full(4, np.nan),
@@ -99,10 +111,13 @@ def fit_axis(
         names = [name for name in names if name != "drive_lag"]
     velocity = smooth_velocity(record.measured[:, k], record.sample_time)
     longest = max(FEWEST_ROWS, round(options.piece_time / record.sample_time))
-    pieces = cut_pieces(
-        velocity, signals.minimum_speed, longest=longest,
-        margin=round(max(theta[5], 0.0) / record.sample_time) + 2,
-    )  # fmt: skip
+    margin = round(max(theta[5], 0.0) / record.sample_time) + 2
+
+    def cut(speed: float) -> Pieces | None:
+        return cut_pieces(velocity, speed, longest=longest, margin=margin)
+
+    speed = signals.minimum_speed
+    pieces = cut(speed)
     if not theta[0] > 0.0:  # a start that says nothing: as if all of the command went into it
         size = [np.sqrt(np.mean(x[signals.weight > 0.0] ** 2)) for x in
                 (signals.wanted, signals.regressor[:, 0])]  # fmt: skip
@@ -124,22 +139,34 @@ def fit_axis(
         names = [name for name in names if name not in judged.unexcited]
         names = _solvable(theta, names, judged, noiseless or measured, pieces, record)
 
-        def attempt(some: list[str], rough: bool) -> Refined | None:
-            return _refined(
-                theta, some, measured, motion, law, k, pieces, record, signals.cosines, rough
-            )
+        def find(rows: Pieces, some: list[str]) -> tuple[Refined | None, list[str]]:
+            def attempt(some: list[str], rough: bool) -> Refined | None:
+                return _refined(theta, some, measured, motion, law, k, rows, record, signals, rough)
 
-        refined = attempt(names, False) or attempt(names, True)
-        astray = refined is None
-        if (
-            "delay" not in names
-            and "delay" not in given
-            and (refined is None or _misfit(refined) > TELLING * signals.position_noise)
-        ):
+            best = attempt(some, False) or attempt(some, True)
+            if "delay" in [*some, *given] or (best is not None and not _telling(best, signals)):
+                return best, some
             # what the motion hardly tells by itself, a residual may tell beyond doubt
-            late = attempt([*names, "delay"], False)
-            if late is not None and (refined is None or _misfit(late) < LESS * _misfit(refined)):
-                refined, astray, names = late, False, [*names, "delay"]
+            late = attempt([*some, "delay"], False)
+            if late is not None and (best is None or _misfit(late) < LESS * _misfit(best)):
+                return late, [*some, "delay"]
+            return best, some
+
+        refined, names = find(pieces, names)
+        least, tried = STILL_THERE * pieces.counts.sum(), speed
+        while refined is None or _telling(refined, signals):
+            tried *= FASTER
+            rows = cut(tried)
+            if rows is None or rows.counts.sum() < least:
+                break
+            better, more = find(rows, names)
+            if refined is not None and (
+                better is None or _misfit(better) > MUCH_LESS * _misfit(refined)
+            ):
+                break
+            if better is not None:
+                refined, names, pieces, speed = better, more, rows, tried
+        astray = refined is None
         if refined is not None:  # with the values found, are they told apart?
             theta = refined.theta
             if motion is not None:
@@ -154,10 +181,16 @@ def fit_axis(
     found = empty._replace(
         plain=plain() if refined is None else None,
         start=start, held=held, judged=judged, refined=refined, names=tuple(names), pieces=pieces,
-        given=given, astray=astray,
+        given=given, astray=astray, speed=speed,
     )  # fmt: skip
     model = found.model()
-    return model, sentences(model, record, options.confidence)
+    said = sentences(model, record, options.confidence)
+    if speed > signals.minimum_speed:
+        said.append(
+            f"only motion faster than {speed:.3g} m/s counts: slower, the model misses more, as where "
+            "friction rises at low speed (Stribeck), which two terms do not describe"
+        )
+    return model, said
 
 
 def _start(
@@ -254,24 +287,37 @@ def _judged(
 
 def _refined(
     theta: Rows, names: list[str], measured: Drive, motion: Rows | None,
-    law: FilteredLeastSquares, k: int, pieces: Pieces, record: Record, cosines: int, rough: bool,
+    law: FilteredLeastSquares, k: int, pieces: Pieces, record: Record, signals: Signals,
+    rough: bool,
 ) -> Refined | None:  # fmt: skip
     """Return what the simulated response gives, None if it went astray.
 
     Twice: the command of the instrument is that of the parameters found.
     """
     refined = None
+    at_first = misfit(theta, measured, pieces, record.sample_time)
     for _ in range(1 if motion is None else 2):
         noiseless = None
         if motion is not None:
             noiseless = driving_command(theta, motion, law, k, record.sample_time)
-        refined = refine(
-            theta, tuple(names), measured, noiseless, pieces, record.sample_time, cosines, rough
-        )
+        try:
+            refined = refine(
+                theta, tuple(names), measured, noiseless, pieces, record.sample_time,
+                signals.cosines, rough,
+            )  # fmt: skip
+        except np.linalg.LinAlgError:  # on the way the model grew beyond all bounds
+            return None
         if not _plausible(refined, names):
             return None
         theta = refined.theta
+    if refined is not None and _telling(refined, signals):
+        return None if _misfit(refined) > WORSE * at_first else refined
     return refined
+
+
+def _telling(refined: Refined, signals: Signals) -> bool:
+    """Return whether the residual says that something is missing."""
+    return _misfit(refined) > TELLING * signals.position_noise
 
 
 def _misfit(refined: Refined) -> float:

@@ -77,6 +77,8 @@ class Found(NamedTuple):
     plain: AxisIdentification | None = None
     """Of filtered least squares alone, where nothing could be simulated."""
     astray: bool = False
+    speed: float | None = None
+    """Below which rows do not count in the simulated response [m/s]; as in ``signals`` if None."""
 
     def model(self) -> AxisModel:
         """Return the model of the axis."""
@@ -96,6 +98,8 @@ class Found(NamedTuple):
                     parameters[name] = self._parameter(name, value, quantile * float(deviation))
         elif self.plain is not None:
             parameters |= self._of_plain(self.plain)
+        elif self.start is not None:
+            parameters |= from_start
         for name, value in (self.given or {}).items():
             if name in parameters:
                 parameters[name] = Parameter(
@@ -125,7 +129,8 @@ class Found(NamedTuple):
             covariance=np.zeros((0, 0)) if refined is None else refined.covariance,
             free=self.names, unexcited=unexcited,
             inseparable=inseparable, degrees=signals.cosines,
-            minimum_speed=signals.minimum_speed, speed=float(np.abs(velocity).max()),
+            minimum_speed=signals.minimum_speed if self.speed is None else self.speed,
+            speed=float(np.abs(velocity).max()),
             acceleration=float(np.abs(rate).max()), counted=counted,
             encoder_noise=self._noise(), noise_ratio=float(max(ratio, 0.0)),
             residual_rms=float(np.sqrt(np.mean(residual[there] ** 2))) if there.any() else np.nan,

@@ -44,7 +44,7 @@ from contourlab.identification.inference import long_run_covariance
 from contourlab.identification.pieces import Pieces
 from contourlab.identification.simulated_response import MODEL_PARAMETERS, respond
 
-__all__ = ["Drive", "Refined", "gram", "refine"]
+__all__ = ["Drive", "Refined", "gram", "misfit", "refine"]
 
 CORNERS = 25
 """Corners of (2) that are tried, from 0 to nearly half the sampling frequency."""
@@ -157,6 +157,29 @@ def gram(theta: Rows, drive: Drive, pieces: Pieces, sample_time: float, corner: 
     response, _ = _driven(theta, drive, pieces, sample_time)
     y = _projection(response.by_start, pieces, corner)(response.by_parameters)
     return np.asarray(np.einsum("nlp,nlq->pq", y, y))
+
+
+def misfit(theta: Rows, drive: Drive, pieces: Pieces, sample_time: float) -> float:
+    """Return how far the simulated response is from what was measured, rms [m].
+
+    Parameters
+    ----------
+    theta
+        In the order of ``MODEL_PARAMETERS``.
+    drive
+        What drives the model.
+    pieces
+        Rows to look at.
+    sample_time
+        [s].
+    """
+    try:
+        response, wanted = _driven(theta, drive, pieces, sample_time)
+    except np.linalg.LinAlgError:
+        return np.inf
+    left = (wanted - response.position)[pieces.counts > 0.0]
+    size = float(np.sqrt(np.mean(left**2)))
+    return size if np.isfinite(size) else np.inf
 
 
 class _Linearised(NamedTuple):

@@ -132,6 +132,11 @@ def respond(
         Which rows are there, likewise: the others are padding.
     sample_time
         [s].
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        The response grows beyond all bounds, or a piece does not tell the state it begins with.
     """
     theta = np.asarray(theta, float)
     lagged = bool(theta[6] > 0.0)
@@ -157,7 +162,10 @@ def respond(
 
 def _best(columns: NDArray[Any], wanted: NDArray[Any], counts: NDArray[Any]) -> NDArray[Any]:
     """Return the least squares solution of each piece over the rows that are there."""
-    size = np.linalg.norm(columns, axis=0)
+    with np.errstate(over="ignore"):
+        size = np.linalg.norm(columns, axis=0)
+    if not np.isfinite(size).all():
+        raise np.linalg.LinAlgError("the response grows beyond all bounds")
     q, r = np.linalg.qr(columns / size * counts[:, :, None])
     inner = np.einsum("nlk,nl->nk", q, wanted * counts)
     return np.linalg.solve(r, inner[:, :, None])[:, :, 0] / size  # type: ignore[no-any-return]

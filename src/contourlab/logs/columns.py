@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 from contourlab.errors import ConfigurationError, LogError, choices
 from contourlab.logs.source import Source
-from contourlab.logs.written_units import split_title
+from contourlab.logs.written_units import split_title, unit_of
 
-__all__ = ["Choice", "choose_columns", "find_column", "guess_time", "listed"]
+__all__ = ["Choice", "choose_columns", "find_column", "guess_command", "guess_time", "listed"]
 
 ROLES = ("commanded", "actual", "command")
 _WORDS = {
@@ -260,6 +260,33 @@ def _axis_names(columns: Sequence[str]) -> tuple[str, ...]:
     if len(columns) <= 3:
         return tuple("XYZ"[: len(columns)])
     return tuple(f"axis{k}" for k in range(len(columns)))
+
+
+def guess_command(source: Source, axes: Sequence[str]) -> tuple[str, ...] | None:
+    """Return the columns that hold what the drives were told, None if that is not clear.
+
+    Columns of force or voltage, by their word and by their unit, one for each axis. What was
+    measured is none.
+
+    Parameters
+    ----------
+    source
+        The log.
+    axes
+        Names of its axes, in order.
+    """
+    for word, unit in (("force", "N"), ("voltage", "V")):
+        table: dict[str, list[str]] = {}
+        for title in source.names:
+            words = _words(title)
+            axis = _axis_of(words)
+            written = unit_of(title, source.units.get(title, ""))
+            told = word in words and written == unit and not set(words) & _WORDS["actual"]
+            if axis is not None and told:
+                table.setdefault(axis, []).append(title)
+        if all(len(table.get(axis, [])) == 1 for axis in axes):
+            return tuple(table[axis][0] for axis in axes)
+    return None
 
 
 def guess_time(source: Source) -> str | None:
