@@ -7,10 +7,13 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import contourlab as cl
 from contourlab.errors import ConfigurationError
+from contourlab.evaluation.causes.basis import stage_of
 from contourlab.evaluation.causes.periodic import find_bands, find_pitch
+from contourlab.evaluation.causes.regression import fit_axis
 from contourlab.evaluation.causes.reversals import direction, lost_motion, turning_points
 
 from . import machines as m
@@ -146,6 +149,42 @@ def test_a_stated_pitch_is_used(everything):
     assert period == (0.010, "m")
     with pytest.raises(ConfigurationError, match="pitch must have one value or 2"):
         cl.evaluate(everything, pitch="10 mm, 10 mm, 5 mm", **TOOL)
+
+
+def test_single_events_are_no_vibration():
+    dt, rows = 1e-3, np.arange(6000)
+    events = np.zeros(6000)
+    events[200::450] = np.where(np.arange(len(events[200::450])) % 2, 5e-6, -5e-6)
+    pulse = np.arange(60) * dt / 0.012 * np.exp(1.0 - np.arange(60) * dt / 0.012)
+    noise = 2e-8 * np.random.default_rng(4).normal(size=6000)
+    steady = 1e-6 * np.sin(2.0 * np.pi * 41.0 * rows * dt)
+    whole = (slice(0, 6000),)
+    assert find_bands(np.convolve(events, pulse)[:6000] + noise, whole, dt) == []
+    assert [round(band.frequency) for band in find_bands(steady + noise, whole, dt)] == [41]
+
+
+@pytest.mark.parametrize(("before", "size"), [(0.0, 0.5), (1.0, 0.0), (-1.0, 1.0)])
+def test_friction_at_a_start_from_rest_is_friction(before, size):
+    """Half the peak of a reversal, none if the servo holds it already, or a whole one."""
+    dt, n = 1e-3, 4000
+    rate = np.zeros(n)
+    rate[400:] = 0.02 * np.sin(2.0 * np.pi * (np.arange(n - 400) + 1) * dt / 1.2)
+    commanded = np.cumsum(rate) * dt
+    height, pole = 6e-6, np.exp(-dt / 0.01)
+    step = np.zeros(n)
+    step[400:] = size
+    turns = np.flatnonzero(np.diff(np.sign(rate[400:])) != 0) + 401
+    for k, turn in enumerate(turns):
+        step[turn:] += (-1.0) ** (k + 1)
+    once = lfilter([1.0 - pole], [1.0, -pole], step)
+    noise = 2e-8 * np.random.default_rng(5).normal(size=n)
+    error = height * (once - lfilter([1.0 - pole], [1.0, -pole], once)) + noise
+    stage = stage_of(commanded, commanded - error, [slice(0, n)], dt, 2e-7)
+    fit = fit_axis(stage, np.arange(n), {})
+    assert fit.shape.before == before
+    assert rms(fit.residual) < 0.1 * rms(error)
+    peaks = fit.contributions["peaks"]
+    np.testing.assert_allclose(peaks[400:450].max(), error[400:450].max(), atol=0.1 * height)
 
 
 def test_turning_points_ignore_flicker():

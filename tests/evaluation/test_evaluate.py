@@ -117,6 +117,24 @@ def test_a_log_is_laid_on_the_part(tmp_path, part_file, turned):
     np.testing.assert_allclose(worst.position, actual[1350], atol=1e-3)
 
 
+def test_a_part_that_lies_far_away_behind_its_approach_is_found(tmp_path):
+    """The rapid from home to the part is in the program and not in the log, or the reverse."""
+    far = tmp_path / "far.ngc"
+    program = PART.replace("G0 X0 Y0", "G0 X0 Y0\nG10 L2 P1 X500 Y200\nG0 X0 Y0")
+    far.write_text(program)
+    points = along_part()
+    found = cl.evaluate(log(tmp_path, points, points + UP), contour=far)
+    np.testing.assert_allclose(found.alignment.shift, [0.5, 0.2], atol=1e-8)
+    np.testing.assert_allclose(found.metrics["contour_error_max"], 2e-6, rtol=1e-3)
+    assert found.alignment.covered > 0.99
+    near = tmp_path / "near.ngc"
+    near.write_text(PART)
+    home = np.linspace(0.0, 1.0, 100)[:, None] * [0.5, 0.2] - [0.5, 0.2]
+    whole = np.concatenate([home, points]) + np.array([0.3, -0.1])
+    found = cl.evaluate(log(tmp_path, whole, whole + UP), contour=near)
+    np.testing.assert_allclose(found.alignment.shift, [-0.3, 0.1], atol=1e-8)
+
+
 def test_without_aligning_the_log_counts_as_it_stands(tmp_path, part_file):
     points = along_part()
     moved = points + np.array([0.0, 10e-6])

@@ -27,6 +27,10 @@ SCREENED, REFINED = 240, 2000
 """Points by which placements are compared, and the best one refined."""
 KEPT = 0.75
 """Share of the points that pull."""
+NOT_FAST = 1.5
+"""Times the usual step: what moves faster is a rapid, more likely than not."""
+MATCHING = 0.01
+"""Share of the extent by which middles must differ to be tried both."""
 SLIDES = 12
 """Steps of the refinement, at most."""
 WINDOW = 101
@@ -83,7 +87,7 @@ class Alignment:
         return vectors @ self.rotation
 
 
-def align(path: Path, points: Values, *, fit: bool) -> Alignment:
+def align(path: Path, points: Values, *, fit: bool, cuts: Values | None = None) -> Alignment:
     """Return how a log lies on a part.
 
     Parameters
@@ -94,6 +98,8 @@ def align(path: Path, points: Values, *, fit: bool) -> Alignment:
         Commanded positions that move, in order, shape (n, n_axes) [m].
     fit
         Whether a rotation and a shift are fitted.
+    cuts
+        Which pieces of the part are no rapids; all of them if None.
 
     Raises
     ------
@@ -106,7 +112,7 @@ def align(path: Path, points: Values, *, fit: bool) -> Alignment:
     best = (np.eye(n_axes), np.zeros(n_axes))
     if fit:
         few = _spread(points, SCREENED)
-        starts = _starts(path, points)
+        starts = _starts(path, points, cuts)
         tried = [_closest(path, few, *start, turns=6) for start in starts]
         costs = [_cost(path, few, *place) for place in tried]
         best = tried[int(np.argmin(costs))]
@@ -131,27 +137,50 @@ def _spread(points: Values, count: int) -> Values:
     return spread
 
 
-def _starts(path: Path, points: Values) -> list[tuple[Values, Values]]:
-    """Return placements to begin with: as it stands, and middle on middle in four turns."""
+def _starts(path: Path, points: Values, cuts: Values | None) -> list[tuple[Values, Values]]:
+    """Return placements to begin with: as it stands, and middle on middle in four turns.
+
+    An approach is in the part, in the log, in both or in neither: so the middles are those of all,
+    and those of what is cut, or is not fast.
+    """
     n_axes = points.shape[1]
-    shape = _samples(path)
-    middle = 0.5 * (shape.min(axis=0) + shape.max(axis=0))
-    own = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    shape, piece = _samples(path)
+    cut = shape if cuts is None else shape[cuts[np.minimum(piece, len(cuts) - 1)]]
+    step = np.linalg.norm(np.diff(points, axis=0, prepend=points[:1]), axis=1)
+    slow = points[step <= NOT_FAST * np.median(step)]
+    extent = float(np.ptp(shape, axis=0).max())
     starts = [(np.eye(n_axes), np.zeros(n_axes))]
-    for quarter in range(4):
-        turn = np.eye(n_axes)
-        c, s = round(np.cos(quarter * np.pi / 2)), round(np.sin(quarter * np.pi / 2))
-        turn[:2, :2] = [[c, -s], [s, c]]
-        starts.append((turn, middle - turn @ own))
+    for own in _middles((points, slow), extent):
+        for middle in _middles((shape, cut), extent):
+            for quarter in range(4):
+                turn = np.eye(n_axes)
+                c, s = round(np.cos(quarter * np.pi / 2)), round(np.sin(quarter * np.pi / 2))
+                turn[:2, :2] = [[c, -s], [s, c]]
+                starts.append((turn, middle - turn @ own))
     return starts
 
 
-def _samples(path: Path) -> Values:
+def _middles(sets: tuple[Values, ...], extent: float) -> list[Values]:
+    """Return the middles of sets of points, those once that are nearly the same."""
+    found: list[Values] = []
+    for points in sets:
+        if not len(points):
+            continue
+        middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+        if all(np.linalg.norm(middle - one) > MATCHING * extent for one in found):
+            found.append(middle)
+    return found
+
+
+def _samples(path: Path) -> tuple[Values, Values]:
+    """Return points of a path, and the piece of each."""
     import jax
     import jax.numpy as jnp
 
     s = jnp.linspace(0.0, float(path.length), 512)
-    return np.asarray(jax.jit(jax.vmap(path.position))(s))
+    piece = np.searchsorted(np.asarray(path.breaks), np.asarray(s), side="right") - 1
+    points = np.asarray(jax.jit(jax.vmap(path.position))(s))
+    return points, np.clip(piece, 0, len(path.breaks) - 2)
 
 
 def _closest(

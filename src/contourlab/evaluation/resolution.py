@@ -52,6 +52,10 @@ class Resolution:
     """(1) at every sample, and what sampling adds there [m]."""
     floor_rms: float
     """(2), over all samples: what a perfect machine would be seen with [m]."""
+    tracking_half_width: Float[np.ndarray, " n_samples"] = field(repr=False)
+    """How far a tracking error may be off at every sample, √Σ(q_i + p_i)²/4 [m]."""
+    tracking_floor_rms: float
+    """What a machine without any would be seen with, √Σ(q_i² + p_i²)/12 over all samples [m]."""
     chord: float
     """Largest distance by which the path may leave the straight line between samples [m]."""
     warnings: tuple[str, ...] = ()
@@ -85,6 +89,10 @@ def find_resolution(
     square = actual**2 + (0.0 if part or commanded is None else commanded**2)
     variance = np.sum(across**2 * square, axis=1) / 12.0  # (2)
     floor = float(np.sqrt(variance[judged].mean())) if judged.any() else 0.0
+    own = actual if commanded is None else actual + commanded
+    tracking = 0.5 * np.linalg.norm(own, axis=1)
+    squares = actual**2 + (0.0 if commanded is None else commanded**2)
+    seen = float(np.sqrt(np.mean(np.sum(squares, axis=1)[judged]) / 12.0)) if judged.any() else 0.0
     warnings = _grid_words(log, actual, commanded)
     position = log.actual if log.commanded is None else log.commanded
     sagitta, sharp = _chords(position, breaks, log.n_samples)
@@ -112,7 +120,7 @@ def find_resolution(
         tuple(float(c) for c in actual.max(axis=0)),
         () if commanded is None else tuple(float(c) for c in commanded.max(axis=0)),
         bool((actual.max(axis=0) > 5.0 * np.min(actual, axis=0)).any() and grid > 0.0),
-        half, floor, chord, tuple(warnings),
+        half, floor, tracking, seen, chord, tuple(warnings),
     )  # fmt: skip
 
 

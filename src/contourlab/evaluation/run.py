@@ -128,7 +128,8 @@ def evaluate(
         )  # fmt: skip
     else:
         part, line = _contour(contour, read.axes)
-        judged, alignment, own, said = _against_part(read, breaks, line, fit=align_part)
+        cuts = None if part is None else ~part.rapid
+        judged, alignment, own, said = _against_part(read, breaks, line, cuts, fit=align_part)
     good = np.isfinite(judged.error)
     if not good.any():
         raise LogError(f"{read.source}: no sample can be judged")
@@ -201,7 +202,7 @@ def _contour(contour: Any, axes: tuple[str, ...]) -> tuple[Part | None, Path]:
 
 
 def _against_part(
-    log: Log, breaks: Breaks, path: Path, *, fit: bool
+    log: Log, breaks: Breaks, path: Path, cuts: Values | None, *, fit: bool
 ) -> tuple[Judged, Alignment, Values, list[str]]:
     """Return the log against a part, and what its commands leave of it along the normal."""
     leading = log.actual if log.commanded is None else log.commanded
@@ -209,7 +210,7 @@ def _against_part(
     moving = (step > 0.0) & ~breaks.held
     if moving.sum() < 3:
         raise LogError(f"{log.source}: nothing moves between its breaks")
-    found = align(path, leading[moving], fit=fit)
+    found = align(path, leading[moving], fit=fit, cuts=cuts)
     placed = found.to_part(leading)
     place, away = follow(path, placed)
     extent = float(np.ptp(np.concatenate([placed[moving], _ends(path)]), axis=0).max())
@@ -227,6 +228,8 @@ def _against_part(
     error = np.where(on_part, judged.error, np.nan)
     pieces = np.unique(judged.piece[on_part & moving])
     lengths = np.diff(np.asarray(path.breaks))
+    if cuts is not None and cuts.any():
+        lengths = np.where(cuts, lengths, 0.0)  # a rapid need not be in the log
     covered = float(lengths[pieces].sum() / lengths.sum())
     found = replace(found, on_part=share, covered=min(covered, 1.0))
     said = []
@@ -306,11 +309,15 @@ def _metrics(
     if log.commanded is not None:
         metrics["tracking_error_rms"] = kept.metrics["tracking_error_rms"]
         metrics["tracking_error_max"] = kept.metrics["tracking_error_max"]
+        tracking = np.linalg.norm(np.asarray(kept["tracking_error"]), axis=1)
+        half = resolution.tracking_half_width[good]
+        metrics["tracking_error_max_uncertainty"] = float(half[int(tracking.argmax())])
+        metrics["tracking_error_floor_rms"] = resolution.tracking_floor_rms
         lag = np.asarray(kept["lag_error"])
         metrics["lag_error_rms"] = float(np.sqrt(np.mean(lag**2)))
         metrics["lag_error_max"] = float(np.abs(lag).max())
-        tracking = np.abs(np.asarray(kept["tracking_error"]))
-        metrics["axis_tracking_error_max"] = [float(v) for v in tracking.max(axis=0)]
+        own = np.abs(np.asarray(kept["tracking_error"]))
+        metrics["axis_tracking_error_max"] = [float(v) for v in own.max(axis=0)]
     metrics["path_length"] = judged.length
     metrics["judged_samples"] = float(good.sum())
     if log.timed:

@@ -241,7 +241,8 @@ def _log(
         commanded=rows["commanded"][keep] * size if "commanded" in rows else None,
         actual=rows["actual"][keep] * size, command=command, command_unit=written,
         dimension=dimension, scale=size, row=row,
-        columns=_uses(chosen, axes, shown, not said, time_column, clock, written),
+        columns=_uses(chosen, axes, shown, not said, time_column,
+                      time_stated or source.time is not None, clock, written),
         n_missing=n_missing, n_repeated=clock.n_repeated, lost_after=np.unique(lost[lost >= 0]),
         warnings=tuple(dict.fromkeys(warnings)), notes=source.notes,
     )  # fmt: skip
@@ -364,11 +365,11 @@ def _command(
 
 def _uses(
     chosen: dict[str, Choice], axes: tuple[str, ...], unit: str, unit_stated: bool,
-    time_column: str | None, clock: Clock, command_unit: str,
+    time_column: str | None, time_stated: bool, clock: Clock, command_unit: str,
 ) -> tuple[ColumnUse, ...]:  # fmt: skip
     uses = []
     if time_column is not None:
-        uses.append(ColumnUse("time", "", time_column, clock.unit, True, clock.unit_stated))
+        uses.append(ColumnUse("time", "", time_column, clock.unit, time_stated, clock.unit_stated))
     for role, choice in chosen.items():
         for axis, column in zip(axes, choice.names, strict=True):
             position = role != "command"

@@ -102,20 +102,21 @@ def figure_rows(evaluation: Evaluation) -> list[tuple[str, str]]:
             with_half_width(_number(m["contour_error_rms"]), _number(m["contour_error_floor_rms"]))
             + " um",
         ),
-        ("contour error, mean", f"{to_um(_number(m['contour_error_mean']))} um"),
+        ("contour error, mean", with_half_width(_number(m["contour_error_mean"]), floor) + " um"),
         (
             "rms of a perfect machine on this grid",
             f"{to_um(floor)} um",
         ),
     ]
-    for name, title in (
-        ("tracking_error_max", "tracking error, largest"),
-        ("tracking_error_rms", "tracking error, rms"),
-        ("lag_error_max", "lag along the path, largest"),
-        ("lag_error_rms", "lag along the path, rms"),
+    for name, title, half in (
+        ("tracking_error_max", "tracking error, largest", "tracking_error_max_uncertainty"),
+        ("tracking_error_rms", "tracking error, rms", "tracking_error_floor_rms"),
+        ("lag_error_max", "lag along the path, largest", "tracking_error_max_uncertainty"),
+        ("lag_error_rms", "lag along the path, rms", "tracking_error_floor_rms"),
     ):
         if name in m:
-            rows.append((title, f"{to_um(_number(m[name]))} um"))
+            # a lag is a part of the tracking error, and known no worse
+            rows.append((title, with_half_width(_number(m[name]), _number(m[half])) + " um"))
     if "cycle_time" in m:
         rows.append(("duration", f"{_number(m['cycle_time']):.5g} s"))
     judged = int(_number(m["judged_samples"]))

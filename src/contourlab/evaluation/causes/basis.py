@@ -14,7 +14,8 @@ its lag times the velocity. (2) is what a servo with integral action leaves of a
 reverses with the motion: a peak that dies out. Both are Laguerre's functions, up to a change of
 basis; T is found by scanning. After a reversal an axis sticks until the force on it has changed by
 twice the friction: g goes from one side to the other while the axis without friction would move by
-a distance that is scanned too, as in (3).
+a distance that is scanned too, as in (3). Where an axis rests at first, g begins at 0 or at either
+side, whatever fits.
 """
 
 from __future__ import annotations
@@ -35,6 +36,8 @@ LAGS = 4
 """Terms of (1)."""
 PEAKS = 3
 """Terms of (2)."""
+RESTS = 3
+"""Samples that an axis stands still at first, from which it starts from rest."""
 
 Values = NDArray[Any]
 
@@ -108,7 +111,9 @@ def lags_of(stage: Stage, time_constant: float) -> Values:
     return _differences(stage.commanded, stage.parts, pole, LAGS)
 
 
-def peaks_of(stage: Stage, moved: Values, time_constant: float, stick: float) -> Values:
+def peaks_of(
+    stage: Stage, moved: Values, time_constant: float, stick: float, before: float = 1.0
+) -> Values:
     """Return (2), shape (n, PEAKS).
 
     Parameters
@@ -121,9 +126,14 @@ def peaks_of(stage: Stage, moved: Values, time_constant: float, stick: float) ->
         T [s].
     stick
         Distance over which the friction changes its side [m].
+    before
+        Friction while an axis rests at first, on the side of its first motion: 1 if the servo holds
+        it already, 0 for none, -1 for that of the other way.
     """
     pole = float(np.exp(-stage.sample_time / time_constant))
     sides = sides_of(stage, moved, stick)
+    if before != 1.0:
+        sides = _started(stage, moved, sides, stick, before)
     return _differences(sides, stage.parts, pole, PEAKS)
 
 
@@ -146,6 +156,26 @@ def sides_of(stage: Stage, moved: Values, play: float) -> Values:
             out[at] = lost_motion(moved[at], rows, signs, play)
         else:
             out[at] = direction(len(out[at]), rows, signs)
+    return out
+
+
+def _started(stage: Stage, moved: Values, sides: Values, stick: float, before: float) -> Values:
+    """Return the friction's side with what it is before an axis moves for the first time."""
+    out = sides.copy()
+    for at in stage.parts:
+        left = np.flatnonzero(stage.commanded[at] != stage.commanded[at.start])
+        if not len(left) or left[0] <= RESTS:
+            continue
+        start = int(left[0]) - 1
+        turns = turning_points(moved[at], stage.least)[0]
+        turns = turns[turns > start]
+        stop = int(turns[0]) + 1 if len(turns) else at.stop - at.start
+        way = np.abs(moved[at][start:stop] - moved[at][start])
+        # as after a reversal, which goes from -1 to 1 over the distance of sticking
+        gone = 2.0 * way / stick if stick > 0.0 else np.where(way > 0.0, 2.0, 0.0)
+        first = out[at][stop - 1]
+        out[at.start : at.start + start] = before * first
+        out[at.start + start : at.start + stop] = first * np.minimum(before + gone, 1.0)
     return out
 
 

@@ -129,7 +129,7 @@ def _axis(
     if sees("cyclic", measured) and np.ptp(commanded[rows]) > 0.0:
         period = pitch[k] if pitch is not None else _pitch(stage, fit, rows)
         if period is not None:
-            extra["cyclic"] = waves(fit.moved, period)
+            extra["cyclic"] = waves(fit.shape.moved, period)
             waved = fit_axis(stage, rows, extra, known=fit)
             if "cyclic" in waved.contributions:
                 fit = waved
@@ -146,12 +146,12 @@ def _axis(
 def _pitch(stage: Stage, fit: AxisFit, rows: Values) -> float | None:
     """Return the period of a cyclic error; None where it is as well a vibration at one speed."""
     residual = fit.residual[rows]
-    found = find_pitch(fit.moved[rows], residual, fit.n_independent)
+    found = find_pitch(fit.shape.moved[rows], residual, fit.n_independent)
     if found is None:
         return None
-    columns = np.column_stack([waves(fit.moved[rows], found), np.ones(len(rows))])
+    columns = np.column_stack([waves(fit.shape.moved[rows], found), np.ones(len(rows))])
     left = residual - columns @ np.linalg.lstsq(columns, residual, rcond=None)[0]
-    speed = np.abs(np.diff(fit.moved)) / stage.sample_time
+    speed = np.abs(np.diff(fit.shape.moved)) / stage.sample_time
     usual = float(np.median(speed[speed > 0.1 * speed.max()]))
     for band in find_bands(fit.residual, stage.parts, stage.sample_time):
         other = (fit.residual - band.signal)[rows]

@@ -64,7 +64,8 @@ def list_causes(
     lags = np.column_stack([fit.contributions["lag"] for fit in fits])
     curved = record.error - along(tracking) - record.own
     times = [
-        lag_time(fit.coefficients["lag"], fit.lag_constant, record.sample_time) for fit in fits
+        lag_time(fit.coefficients["lag"], fit.shape.lag_constant, record.sample_time)
+        for fit in fits
     ]
     unit = "s" if record.timed else "samples"
     parameters = {f"lag {a}": (t, unit) for a, t in zip(record.axes, times, strict=True)}
@@ -191,7 +192,7 @@ def _friction(
         return
     parameters = {
         "peak": (float(np.abs(values[listing.judged]).max()), "m"),
-        "decay time": (fit.peak_constant, "s" if listing.record.timed else "samples"),
+        "decay time": (fit.shape.peak_constant, "s" if listing.record.timed else "samples"),
     }
     if steady:
         parameters["steady"] = (float(abs(fit.coefficients["sides"][0])), "m")

@@ -29,6 +29,8 @@ FALSE_ALARMS = 1e-3
 """Chance of one in noise without any."""
 SIGNIFICANT = 12.0
 """A pitch's reduction of the residual over what chance gives."""
+CREST = 6.0
+"""Largest value over rms above which a band is made of single events, such as reversals."""
 MOST_BANDS = 3
 
 Values = NDArray[Any]
@@ -169,7 +171,9 @@ def find_bands(residual: Values, parts: tuple[slice, ...], dt: float) -> list[Ba
             continue
         peak = frequency[low : high + 1] @ power[low : high + 1] / power[low : high + 1].sum()
         half = max((high - low + 1) / 2.0, 2.0) / (size * dt)
-        found.append(Band(float(peak), _band(residual, parts, dt, float(peak), half)))
+        signal = _band(residual, parts, dt, float(peak), half)
+        if np.abs(signal).max() < CREST * np.sqrt(np.mean(signal**2)):
+            found.append(Band(float(peak), signal))
     return found
 
 

@@ -9,7 +9,7 @@ that took its place. A group that reduces the residual by no more than chance wo
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,23 @@ Values = NDArray[Any]
 Groups = dict[str, Values]
 
 
+class Shape(NamedTuple):
+    """What is not linear in the fit of an axis, found by scanning."""
+
+    lag_constant: float
+    """T of the lag [s]."""
+    peak_constant: float
+    """T of the friction peaks [s]."""
+    stick: float
+    """Distance over which friction changes its side [m]."""
+    before: float
+    """Friction's side before the first motion, see :func:`peaks_of`."""
+    play: float
+    """Width of the play that ``sides`` crosses [m]."""
+    moved: Values
+    """The commanded position without its lag [m]."""
+
+
 @dataclass(eq=False)
 class AxisFit:
     """What the causes contribute to the tracking error of one axis."""
@@ -47,20 +64,11 @@ class AxisFit:
     """By group, shape (n,) [m]: ``offset``, ``lag``, ``peaks``, ``sides``, ``scale``, ``cross J``,
     ``cyclic``."""
     coefficients: Groups
-    lag_constant: float
-    """T of the lag [s]."""
-    peak_constant: float
-    """T of the friction peaks [s]."""
-    stick: float
-    """Distance over which friction changes its side [m]."""
-    play: float
-    """Width of the play that ``sides`` crosses [m]."""
+    shape: Shape
     residual: Values
     """What is left, shape (n,) [m]."""
     n_independent: float
     """Independent samples in the residual."""
-    moved: Values
-    """The commanded position without its lag [m]."""
     inseparable: dict[str, str] = field(default_factory=dict)
     """Groups that were left out, and the one that takes their place."""
     by_chance: tuple[str, ...] = ()
@@ -127,15 +135,12 @@ def fit_axis(
     """
     target = stage.error if correction is None else stage.error - correction
     offset = {"offset": np.ones((len(target), 1))}
-    if known is None:
-        lag_constant, peak_constant, stick, play, moved = _scanned(stage, rows, extra, target)
-    else:
-        lag_constant, peak_constant = known.lag_constant, known.peak_constant
-        stick, play, moved = known.stick, known.play, known.moved
+    shape = _scanned(stage, rows, extra, target) if known is None else known.shape
+    lag_constant, peak_constant, stick, before, play, moved = shape
     groups: Groups = {
         **offset,
         "lag": lags_of(stage, lag_constant),
-        "peaks": peaks_of(stage, moved, peak_constant, stick),
+        "peaks": peaks_of(stage, moved, peak_constant, stick, before),
         "sides": sides_of(stage, moved, play)[:, None],
         **extra,
     }
@@ -146,15 +151,12 @@ def fit_axis(
     contributions = {name: groups[name] @ found[name] for name in groups}
     residual = target - sum(contributions.values())
     return AxisFit(
-        contributions, found, lag_constant, peak_constant, stick, play, residual,
-        independent_samples(residual[rows]), moved, inseparable, by_chance,
+        contributions, found, shape, residual, independent_samples(residual[rows]), inseparable,
+        by_chance,
     )  # fmt: skip
 
 
-def _scanned(
-    stage: Stage, rows: Values, extra: Groups, target: Values
-) -> tuple[float, float, float, float, Values]:
-    """Return time constants of lag and peaks, sticking, play, and the position without lag."""
+def _scanned(stage: Stage, rows: Values, extra: Groups, target: Values) -> Shape:
     whole = stage
     stage, inside = _window(stage)
     target = target[inside]
@@ -172,17 +174,18 @@ def _scanned(
     lags = lags_of(stage, lag_constant)
     first, _ = _solve({**offset, "lag": lags, **extra}, target, scan)
     moved = stage.commanded - lags @ first["lag"]
-    peak_constant, stick, play = lag_constant, 0.0, 0.0
+    peak_constant, stick, before, play = lag_constant, 0.0, 0.0, 0.0
     for _ in range(2):
         sides = sides_of(stage, moved, play)[:, None]
 
-        def with_peaks(t: float, distance: float, lags: Values = lags, sides: Values = sides,
-                       moved: Values = moved) -> float:  # fmt: skip
-            return left(lag=lags, sides=sides, peaks=peaks_of(stage, moved, t, distance))
+        def with_peaks(t: float, distance: float, first: float, lags: Values = lags,
+                       sides: Values = sides, moved: Values = moved) -> float:  # fmt: skip
+            return left(lag=lags, sides=sides, peaks=peaks_of(stage, moved, t, distance, first))
 
-        peak_constant = min(constants, key=lambda t: with_peaks(t, stick))
-        stick = min(STICKS, key=lambda d: with_peaks(peak_constant, d))
-        peaks = peaks_of(stage, moved, peak_constant, stick)
+        peak_constant = min(constants, key=lambda t: with_peaks(t, stick, before))
+        before = min((0.0, 1.0, -1.0), key=lambda b: with_peaks(peak_constant, stick, b))
+        stick = min(STICKS, key=lambda d: with_peaks(peak_constant, d, before))
+        peaks = peaks_of(stage, moved, peak_constant, stick, before)
         lag_constant = min(
             constants, key=lambda t: left(lag=lags_of(stage, t), sides=sides, peaks=peaks)
         )
@@ -194,7 +197,7 @@ def _scanned(
         play = 2.0 * abs(float(found["sides"][0]))
     if whole is not stage:
         moved = whole.commanded - lags_of(whole, lag_constant) @ found["lag"]
-    return lag_constant, peak_constant, stick, play, moved
+    return Shape(lag_constant, peak_constant, stick, before, play, moved)
 
 
 def _window(stage: Stage) -> tuple[Stage, slice]:
