@@ -187,8 +187,8 @@ def fit_axis(
     said = sentences(model, record, options.confidence)
     if speed > signals.minimum_speed:
         said.append(
-            f"only motion faster than {speed:.3g} m/s counts: slower, the model misses more, as where "
-            "friction rises at low speed (Stribeck), which two terms do not describe"
+            f"only motion faster than {speed:.3g} m/s counts: slower, the model misses more, as "
+            "where friction rises at low speed (Stribeck), which two terms do not describe"
         )
     return model, said
 
