@@ -1,5 +1,6 @@
 """Derivatives over arc length, of curvature and of torsion: closed forms and other roads."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -43,28 +44,40 @@ class Cusp(Contour):
         return jnp.stack([p * p, p * p * p])
 
 
+@eqx.filter_jit
 def over_arc_length(contour, value, parameter, order):
     """Derivatives over arc length by differentiating with 1/σ again and again: another road."""
 
     def function(p):
-        return jnp.atleast_1d(value(p))
+        return jnp.atleast_1d(value(contour, p))
 
     rows = []
     for _ in range(order + 1):
-        rows.append(np.asarray(function(parameter)))
+        rows.append(function(parameter))
 
         def function(p, inner=function):
             slope = jax.jvp(inner, (p,), (1.0,))[1]
             return slope / jnp.linalg.norm(contour.derivatives(p, 1)[1])
 
-    return np.stack(rows)
+    return jnp.stack(rows)
+
+
+@eqx.filter_jit
+def rows_of(contour, parameter):
+    return arc_length_derivatives(contour.derivatives(parameter, 5))
+
+
+@eqx.filter_jit
+def curvatures(contour, parameter):
+    rows = curvature_derivatives(contour.derivatives(parameter, 5))
+    return rows.curvature, rows.torsion
 
 
 @pytest.mark.parametrize("contour", [Ellipse(semi_axes=(0.03, 0.01)), Twisted()])
 def test_rows_are_those_of_repeated_differentiation(contour):
-    for p in (0.3, -0.7):
-        rows = arc_length_derivatives(contour.derivatives(p, 5))
-        other = over_arc_length(contour, contour.position, p, 5)
+    for p in jnp.array([0.3, -0.7]):
+        rows = rows_of(contour, p)
+        other = np.asarray(over_arc_length(contour, type(contour).position, p, 5))
         scale = np.abs(other).max(axis=1, keepdims=True)
         # both lose a few digits an order; the loss is relative to the largest term of each row
         assert_allclose(rows / scale, other / scale, rtol=0, atol=1e-11)
@@ -95,12 +108,16 @@ def test_helix_has_constant_curvature_and_torsion():
 
 def test_twisted_curve_agrees_with_the_frame_differentiated():
     contour = Twisted()
-    for p in (0.4, -0.6):
-        rows = curvature_derivatives(contour.derivatives(p, 5))
-        curvature = over_arc_length(contour, lambda q: contour.frenet(q).curvature, p, 3)
-        torsion = over_arc_length(contour, lambda q: contour.frenet(q).torsion, p, 2)
-        assert_allclose(rows.curvature, curvature[:, 0], rtol=1e-9)
-        assert_allclose(rows.torsion, torsion[:, 0], rtol=1e-9)
+
+    def both(curve, q):
+        frame = curve.frenet(q)
+        return jnp.stack([frame.curvature, frame.torsion])
+
+    for p in jnp.array([0.4, -0.6]):
+        curvature, torsion = curvatures(contour, p)
+        other = over_arc_length(contour, both, p, 3)
+        assert_allclose(curvature, other[:, 0], rtol=1e-9)
+        assert_allclose(torsion, other[:3, 1], rtol=1e-9)
 
 
 def test_sign_follows_the_side_and_the_direction():
@@ -114,11 +131,11 @@ def test_sign_follows_the_side_and_the_direction():
 
 def test_straight_in_space_is_zero_with_finite_slopes():
     line = Line(start=(0, 0, 0), end=(1.0, 2.0, 2.0))
-    for contour, p in ((line, 0.3), (Twisted(inflection=1.0), 0.0)):
-        rows = curvature_derivatives(contour.derivatives(p, 5))
-        assert_allclose(rows.curvature, 0.0, atol=0)
-        assert_allclose(rows.torsion, 0.0, atol=0)
-        slope = jax.jacfwd(lambda q, c=contour: curvature_derivatives(c.derivatives(q, 4)).torsion)
+    for contour, p in ((line, jnp.array(0.3)), (Twisted(inflection=1.0), jnp.array(0.0))):
+        curvature, torsion = curvatures(contour, p)
+        assert_allclose(curvature, 0.0, atol=0)
+        assert_allclose(torsion, 0.0, atol=0)
+        slope = jax.jit(jax.jacfwd(lambda q, c=contour: curvatures(c, q)[1]))
         assert np.isfinite(slope(p)).all()
 
 
@@ -132,9 +149,8 @@ def test_small_curvature_is_not_taken_for_straight():
 def test_a_cusp_gives_zeros():
     rows = Cusp().derivatives(0.0, 4)
     assert_allclose(arc_length_derivatives(rows), 0.0, atol=0)
-    assert np.isfinite(
-        jax.jacfwd(lambda p: arc_length_derivatives(Cusp().derivatives(p, 3)))(0.0)
-    ).all()
+    slope = jax.jit(jax.jacfwd(lambda p: arc_length_derivatives(Cusp().derivatives(p, 3))))
+    assert np.isfinite(slope(0.0)).all()
 
 
 def test_any_number_of_coordinates():

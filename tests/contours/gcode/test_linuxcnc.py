@@ -458,7 +458,13 @@ TOOLS = re.compile(
 )
 
 
-@pytest.mark.parametrize("name", NAMES)
+LONG = {"3D_Chips.ngc", "systems.ngc"}
+"""Thousands of moves; others turn, branch and call too."""
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.slow if n in LONG else ()) for n in NAMES]
+)
 def test_sample_programs(name: str, tmp_path: Path) -> None:
     """Every program that LinuxCNC ships moves the same way, or is refused for a reason we know."""
     path = tmp_path / Path(name).name
