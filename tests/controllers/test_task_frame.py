@@ -51,7 +51,7 @@ def test_conformance_on_lines_and_circles_in_space():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("rates", [True, False])
+@pytest.mark.parametrize("rates", [True, pytest.param(False, marks=pytest.mark.overnight)])
 def test_conformance_of_the_natural_estimate_in_space(rates):
     law = natural(3, estimate="natural", curvature_rates=rates, friction_from="measured")
     check_controller(law, contour=OvalHelix())
