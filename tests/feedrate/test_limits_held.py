@@ -167,7 +167,7 @@ def test_the_largest_speed_lies_beside_the_end_of_an_interval():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("block", range(2))
+@pytest.mark.parametrize("block", [0, pytest.param(1, marks=pytest.mark.overnight)])
 def test_many_random_paths(block):
     for seed in range(1000 + 40 * block, 1040 + 40 * block):
         run_random(seed)
