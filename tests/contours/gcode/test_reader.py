@@ -80,7 +80,9 @@ def test_large_files_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         read_gcode(path)
 
 
-@pytest.mark.parametrize("count", [5_000, pytest.param(100_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "count", [5_000, pytest.param(100_000, marks=[pytest.mark.slow, pytest.mark.overnight])]
+)
 def test_many_lines(count: int) -> None:
     x = np.round(np.random.default_rng(1).uniform(-100, 100, (count // 2, 2)), 4)
     lines = ["G21 G90 G17 F3000"]
