@@ -151,9 +151,9 @@ def test_several_machines_and_values_that_vary(folder, in_process):
     start, end = SCENARIO.index("[machine]"), SCENARIO.index("[[controller]]")
     vary = '[vary]\nsamples = 3\n"machine.resolution" = { values = ["0 um", "1 um", "2 um"] }\n'
     (folder / "s.toml").write_text(SCENARIO[:start] + MACHINES + SCENARIO[end:] + vary)
-    run = contourlab(folder, "compare", "s.toml", "--output", "out", "--json")
-    assert run.returncode == 0, run.stderr
-    result = json.loads(run.stdout)
+    status, out, errors = in_process("compare", "s.toml", "--output", "out", "--json")
+    assert status == 0, errors
+    result = json.loads(out)
     assert [(r["machine"], r["controller"]) for r in result["runs"]] == [
         ("a", "slow"), ("a", "fast"), ("b c", "slow"), ("b c", "fast"),
     ]  # fmt: skip
@@ -200,11 +200,11 @@ def test_recordings_never_share_a_file():
     assert "spread.png" not in comparison_files(["a"])
 
 
-def test_usage_and_version(folder):
-    assert contourlab(folder, "--help").returncode == 0
+def test_usage_and_version(folder, in_process):
     assert contourlab(folder, "--version").stdout.startswith("contourlab 0.")
     assert contourlab(folder, "compar").returncode == 2
-    assert contourlab(folder, "compare", "none.toml").returncode == 2
+    assert in_process("--help")[0] == 0
+    assert in_process("compare", "none.toml")[0] == 2
 
 
 def test_an_interrupt_leaves_nothing_half_written(folder):
