@@ -1,5 +1,6 @@
 """Every law in C against JAX, over the inputs of a whole loop; clean under warnings, sanitizers."""
 
+import re
 import subprocess
 
 import numpy as np
@@ -42,8 +43,12 @@ def made():
             found[name] = (
                 recorded,
                 generate(
-                    recorded.law, recorded.first(), sample_time=recorded.sample_time, prefix="law"
-                ),
+                    recorded.law,
+                    recorded.first(),
+                    sample_time=recorded.sample_time,
+                    prefix="law",
+                    command=law.needs.command,
+                ),  # fmt: skip
             )
         return found[name]
 
@@ -135,8 +140,28 @@ def test_only_what_the_law_reads_is_an_input(made):
         "reference_position", "reference_velocity", "reference_acceleration", "position",
     ]  # fmt: skip
     units = {field.name: field.unit for field in generated.parameters}
-    assert units["kp"] == ""
+    assert units["kp"] == "N/m"
+    assert re.search(r"law_real kp\[2\]; /\* Proportional gain, >= 0 \[N/m\] \*/", generated.header)
+    assert re.search(r"law_real command\[2\]; /\* [^*]*\[N\] \*/", generated.header)
     assert {field.name: field.unit for field in generated.inputs}["position"] == "m"
+
+
+@pytest.mark.parametrize(("name", "wanted"), [
+    ("AxisPid", {"kp": "N/m", "kd": "N s/m", "command_limit": "N", "integral": "m s",
+                 "derivative.value": "m/s", "feed_forward.acceleration": "N s^2/m"}),
+    ("CrossCoupled", {"derivative.signal": "m", "integral": "m s", "kp": "N/m"}),
+    pytest.param(
+        "NewtonCrossCoupled", {"derivative.signal": "1", "integral": "s", "kp": "N"},
+        marks=pytest.mark.slow,
+    ),
+])  # fmt: skip
+def test_gains_state_and_command_have_units(name, wanted, made):
+    _, generated = made(name)
+    units = {one.path: one.unit for one in (*generated.parameters, *generated.state)}
+    assert {path: units[path] for path in wanted} == wanted
+    outputs = {one.path: one for one in generated.outputs}
+    assert outputs["command"].unit == "N"
+    assert outputs["status"].text == "0 normal, 1 saturated"
 
 
 def test_the_contour_and_the_sample_time_are_in_the_code(made):

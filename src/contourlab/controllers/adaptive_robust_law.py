@@ -89,7 +89,8 @@ class BoundAdaptiveRobustController(BoundController):
     lower: Parameters = real()
     upper: Parameters = real()
     initial: Parameters = real()
-    command_limit: Float[Array, " ..."] = real(above=0.0, finite=False)
+    command_limit: Float[Array, " ..."] = real(unit="command unit", above=0.0, finite=False)
+    """Largest command, per axis; may be infinite."""
     sample_time: Scalar = real(unit="s", above=0.0)
     friction_velocity: AxisVector = real(unit="m/s")
     unmodelled: Scalar = real()

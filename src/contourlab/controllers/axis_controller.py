@@ -42,7 +42,8 @@ class BoundAxisController(BoundController):
     Its state has a field ``saturated``, an int32: 1 if the last command was beyond a limit.
     """
 
-    command_limit: Float[Array, " ..."] = real(above=0.0, finite=False)
+    command_limit: Float[Array, " ..."] = real(unit="command unit", above=0.0, finite=False)
+    """Largest command, per axis; may be infinite."""
 
     statuses: ClassVar[tuple[str, ...]] = ("normal", "saturated")
 

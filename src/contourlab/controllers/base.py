@@ -64,6 +64,8 @@ class BoundController(Configuration):
 
     statuses: ClassVar[tuple[str, ...]] = ("normal",)
     """What each status number means; 0 is normal."""
+    state_units: ClassVar[dict[str, str]] = {}
+    """Units in exported code of what the state's own class does not tell right, by path."""
 
     @abc.abstractmethod
     def init(self, sample: Sample) -> Any:

@@ -265,9 +265,9 @@ class BoundCascade(BoundAxisController):
     """The discretised law; made by :meth:`Cascade.bind`."""
 
     position_gain: Float[Array, " ..."] = real(unit="1/s", ndim=1)
-    velocity_share: Float[Array, " ..."] = real(ndim=1)
-    proportional: Float[Array, " ..."] = real(ndim=1)
-    integral: Float[Array, " ..."] = real(ndim=1)
+    velocity_share: Float[Array, " ..."] = real(unit="1", ndim=1)
+    proportional: Float[Array, " ..."] = real(unit="command unit per m/s", ndim=1)
+    integral: Float[Array, " ..."] = real(unit="command unit per m", ndim=1)
     sample_time: Scalar = real(unit="s", above=0.0)
     feed_forward: ModelFeedForward = part()
     outer_only: bool = static(flag=True)

@@ -98,7 +98,7 @@ class CrossCoupledState(NamedTuple):
     derivative: DerivativeState
     """Of the contour error [m], [m/s]."""
     tangent: AxisVector
-    """Tangent at the last reference point."""
+    """Tangent at the last reference point [1]."""
     saturated: Count
     """1 if the last command was beyond a limit, int32."""
 

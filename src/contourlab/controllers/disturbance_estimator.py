@@ -63,7 +63,7 @@ class DisturbanceState(NamedTuple):
     lagging: AxisVector
     """Ω: minus the velocity, behind a low-pass [m/s]."""
     disturbance: AxisVector
-    """Δ, in units of the command."""
+    """Δ [command unit]."""
     rest: AxisVector
     """Of (M): what the motion takes, less the command, behind the low-pass; else 0."""
 
@@ -87,12 +87,12 @@ class DisturbanceEstimator(Configuration):
         Whether the rest of (25) passes the filter too.
     """
 
-    inertia: Float[Array, " ..."] = real(ndim=1)
-    viscous: Float[Array, " ..."] = real(ndim=1)
-    stiffness: Float[Array, " ..."] = real(ndim=1)
+    inertia: Float[Array, " ..."] = real(unit="command unit per m/s^2", ndim=1)
+    viscous: Float[Array, " ..."] = real(unit="command unit per m/s", ndim=1)
+    stiffness: Float[Array, " ..."] = real(unit="command unit per m", ndim=1)
     acceleration_scale: Float[Array, " ..."] = real(unit="1/s", ndim=1)
-    velocity_decay: Float[Array, " ..."] = real(ndim=1, minimum=0.0, maximum=1.0)
-    smoothing_decay: Float[Array, " ..."] = real(ndim=1, minimum=0.0, maximum=1.0)
+    velocity_decay: Float[Array, " ..."] = real(unit="1", ndim=1, minimum=0.0, maximum=1.0)
+    smoothing_decay: Float[Array, " ..."] = real(unit="1", ndim=1, minimum=0.0, maximum=1.0)
     matched: bool = static(flag=True, default=False)
 
     @staticmethod

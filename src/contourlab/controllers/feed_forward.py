@@ -41,11 +41,11 @@ class ModelFeedForward(Configuration):
         Command per position, shape (n_axes,); None on axes without stiffness.
     """
 
-    acceleration: Float[Array, " ..."] = real(ndim=1)
-    velocity: Float[Array, " ..."] = real(ndim=1)
-    friction: Float[Array, " ..."] = real(ndim=1)
+    acceleration: Float[Array, " ..."] = real(unit="command unit per m/s^2", ndim=1)
+    velocity: Float[Array, " ..."] = real(unit="command unit per m/s", ndim=1)
+    friction: Float[Array, " ..."] = real(unit="command unit", ndim=1)
     friction_velocity: Float[Array, " ..."] = real(unit="m/s", above=0.0)
-    position: Float[Array, " ..."] | None = real(ndim=1, default=None)
+    position: Float[Array, " ..."] | None = real(unit="command unit per m", ndim=1, default=None)
 
     @staticmethod
     def of_model(

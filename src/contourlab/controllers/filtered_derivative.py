@@ -43,7 +43,7 @@ class FilteredDerivative(Configuration):
         T > 0 [s].
     """
 
-    decay: Float[Array, " ..."] = real(minimum=0.0, maximum=1.0)
+    decay: Float[Array, " ..."] = real(unit="1", minimum=0.0, maximum=1.0)
     sample_time: Scalar = real(unit="s", above=0.0)
 
     @staticmethod

@@ -322,11 +322,11 @@ class BoundIntegralSlidingMode(BoundAxisController):
     integral_rate: Float[Array, " ..."] = real(unit="1/s", ndim=1)
     boundary_layer: Float[Array, " ..."] = real(unit="m/s", ndim=1)
     switching_gain: Float[Array, " ..."] = real(ndim=1)
-    velocity_gain: Float[Array, " ..."] = real(ndim=1)
+    velocity_gain: Float[Array, " ..."] = real(unit="command unit per m/s", ndim=1)
     """((a + b) M - B) / K."""
-    position_gain: Float[Array, " ..."] = real(ndim=1)
+    position_gain: Float[Array, " ..."] = real(unit="command unit per m", ndim=1)
     """a b M / K."""
-    decay: Float[Array, " ..."] = real(ndim=1)
+    decay: Float[Array, " ..."] = real(unit="1", ndim=1)
     """exp(-b T)."""
     estimator: DisturbanceEstimator = part()
     feed_forward: ModelFeedForward = part()

@@ -156,7 +156,7 @@ class BoundIntegratedAdaptiveRobust(BoundAdaptiveRobustController):
     estimator: BoundLeastSquares = part()
     compensation_rate: AxisVector = real()
     """γ_a."""
-    largest_compensation: AxisVector = real()
+    largest_compensation: AxisVector = real(unit="command unit")
     """d̂_cmax."""
 
     def begin(self, sample: Sample) -> IntegratedState:

@@ -65,7 +65,7 @@ class BoundModelPredictiveContouring(BoundController):
     safe: SafeSpeed = part()
     observer: Observer = part()
     planner: ContouringProgram = part()
-    friction: Float[Array, " ..."] = real(ndim=1)
+    friction: Float[Array, " ..."] = real(unit="command unit", ndim=1)
     """Command against Coulomb friction."""
     friction_velocity: Float[Array, " ..."] = real(unit="m/s", ndim=1)
     arrival_tolerance: Scalar = real(unit="m")

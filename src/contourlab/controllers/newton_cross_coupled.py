@@ -44,6 +44,8 @@ The guard. The estimator is chosen freely. Sampled, with the integral held at th
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -122,6 +124,11 @@ class NewtonCrossCoupled(CrossCoupled):
 
 class BoundNewtonCrossCoupled(BoundCrossCoupled):
     """The discretised law; made by :meth:`NewtonCrossCoupled.bind`."""
+
+    # of the unity vector, which has no unit
+    state_units: ClassVar[dict[str, str]] = {
+        "integral": "s", "derivative.signal": "1", "derivative.value": "1/s"
+    }  # fmt: skip
 
     guard: Scalar = real(unit="m", above=0.0)
 

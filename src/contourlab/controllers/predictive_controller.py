@@ -279,9 +279,10 @@ class PredictiveController(Controller):
 class BoundPredictiveController(BoundController):
     """What predictive laws are when they are bound: a predictor, limits and friction."""
 
-    command_limit: Float[Array, " ..."] = real(above=0.0, finite=False)
+    command_limit: Float[Array, " ..."] = real(unit="command unit", above=0.0, finite=False)
+    """Largest command, per axis; may be infinite."""
     predictor: Predictor = part()
-    friction: Float[Array, " ..."] = real(ndim=1)
+    friction: Float[Array, " ..."] = real(unit="command unit", ndim=1)
     """Command against Coulomb friction."""
     friction_velocity: Float[Array, " ..."] = real(unit="m/s", ndim=1)
     open_loop: bool = static(flag=True)

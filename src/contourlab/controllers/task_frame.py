@@ -197,18 +197,19 @@ class TaskFrameController(Controller):
 class BoundTaskFrameController(BoundController):
     """A law in the task frame, discretised."""
 
-    command_limit: Float[Array, " ..."] = real(above=0.0, finite=False)
+    command_limit: Float[Array, " ..."] = real(unit="command unit", above=0.0, finite=False)
+    """Largest command, per axis; may be infinite."""
     stiffness_gain: Float[Array, " ..."] = real(unit="1/s^2", ndim=1)
     """(2π f)², per direction."""
     damping_gain: Float[Array, " ..."] = real(unit="1/s", ndim=1)
     """4π ζ f, per direction."""
-    mass: Float[Array, " ..."] = real(ndim=1)
+    mass: Float[Array, " ..."] = real(unit="command unit per m/s^2", ndim=1)
     """Command per acceleration, per axis."""
-    viscous: Float[Array, " ..."] = real(ndim=1)
+    viscous: Float[Array, " ..."] = real(unit="command unit per m/s", ndim=1)
     """Command per velocity."""
-    stiffness: Float[Array, " ..."] | None = real(ndim=1, default=None)
+    stiffness: Float[Array, " ..."] | None = real(unit="command unit per m", ndim=1, default=None)
     """Command per position."""
-    friction: Float[Array, " ..."] = real(ndim=1)
+    friction: Float[Array, " ..."] = real(unit="command unit", ndim=1)
     """Command against Coulomb friction."""
     friction_velocity: Float[Array, " ..."] = real(unit="m/s", ndim=1)
     lead: Scalar = real(unit="s")

@@ -62,6 +62,7 @@ def write_c(
         trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True,
     )  # fmt: skip
     environment.filters["shape"] = _shape_text
+    environment.filters["cell"] = lambda text: text.replace("|", "\\|")
     for template, name in (
         ("main.c.jinja", "main.c"), ("replay.c.jinja", f"{prefix}_replay.c"),
         ("Makefile.jinja", "Makefile"), ("README.md.jinja", "README.md"),
@@ -150,7 +151,7 @@ def write_manifest(
     def described(fields: tuple[Field, ...]) -> list[dict[str, Any]]:
         return [
             {"name": f.name, "shape": list(f.shape), "unit": f.unit, "type": f.dtype,
-             "path": f.path}
+             "path": f.path, "text": f.text}
             for f in fields
         ]  # fmt: skip
 

@@ -47,7 +47,7 @@ def write_sources(generated: GeneratedC, folder: str | Path) -> list[Path]:
     files = []
     for ending, text in ((".h", generated.header), (".c", generated.source)):
         file = Path(folder) / f"{generated.prefix}{ending}"
-        file.write_text(text)
+        file.write_text(text, encoding="utf-8")
         files.append(file)
     return files
 

@@ -148,8 +148,9 @@ def export(
         importlib.import_module(TARGETS[target]).refuse(output, force=force, **options)
     loop = record_loop(stage, law, motion, steps=steps, **extra)
     generated = generate(
-        loop.law, loop.first(), sample_time=loop.sample_time, prefix=prefix, precision=precision
-    )
+        loop.law, loop.first(), sample_time=loop.sample_time, prefix=prefix, precision=precision,
+        command=loop.controller.needs.command,
+    )  # fmt: skip
     parity = measured_parity(generated, loop)
     if TARGETS[target]:
         write = importlib.import_module(TARGETS[target]).write

@@ -15,6 +15,7 @@ import numpy as np
 
 from contourlab.errors import ExportError
 from contourlab.export.expressions import Index, constant, load, name, operation
+from contourlab.export.field_docs import described, in_command_unit
 from contourlab.export.statements import Builder
 from contourlab.export.values import SMALL, Atoms, Rule, Stored, Value
 
@@ -79,6 +80,8 @@ class Field:
         ``"real"`` or ``"int32"``.
     path
         Where it stands in Python.
+    text
+        What it is, as the law's source says.
     """
 
     name: str
@@ -86,6 +89,7 @@ class Field:
     unit: str
     dtype: str
     path: str
+    text: str = ""
 
     @property
     def size(self) -> int:
@@ -93,7 +97,9 @@ class Field:
         return int(np.prod(self.shape, dtype=int))
 
 
-def fields_of(tree: Any, *, what: str, units: dict[str, str] | None = None) -> list[Field]:
+def fields_of(
+    tree: Any, *, what: str, units: dict[str, str] | None = None, command_unit: str = ""
+) -> list[Field]:
     """Return the fields of a pytree, one for each leaf, in the order of its leaves.
 
     Parameters
@@ -104,6 +110,8 @@ def fields_of(tree: Any, *, what: str, units: dict[str, str] | None = None) -> l
         Name of the tree in messages.
     units
         By path, where the tree's own declarations do not say.
+    command_unit
+        Of the law's command, in which gains and efforts are told.
 
     Raises
     ------
@@ -125,10 +133,11 @@ def fields_of(tree: Any, *, what: str, units: dict[str, str] | None = None) -> l
                 f"{what}: {dotted or 'the value'} is of type {array.dtype}; exported structures "
                 "hold float64, int32 and bool"
             )
-        unit = (units or {}).get(dotted) or _declared_unit(tree, path)
+        said = described(_owners(tree, path))
+        unit = (units or {}).get(dotted) or in_command_unit(said.unit, command_unit)
         label = _identifier(words, taken)
         taken.add(label)
-        found.append(Field(label, tuple(array.shape), unit, kind, dotted))
+        found.append(Field(label, tuple(array.shape), unit, kind, dotted, said.text))
     return found
 
 
@@ -149,16 +158,14 @@ def _identifier(words: list[str], taken: set[str]) -> str:
     return label
 
 
-def _declared_unit(tree: Any, path: Any) -> str:
-    owner, unit = tree, ""
+def _owners(tree: Any, path: Any) -> list[tuple[type, str]]:
+    """Return class and field name for each named step of a path, from the outermost on."""
+    owner, found = tree, []
     for key in path:
-        word = _word(key)
-        if dataclasses.is_dataclass(owner):
-            for field in dataclasses.fields(owner):
-                if field.name == word:
-                    unit = field.metadata.get("real", {}).get("unit", "")
+        if hasattr(key, "name"):
+            found.append((type(owner), str(key.name)))
         owner = _child(owner, key)
-    return unit
+    return found
 
 
 def _child(owner: Any, key: Any) -> Any:

@@ -109,7 +109,7 @@ def variables_of(generated: GeneratedC, ranges: tuple[Range, ...]) -> Iterator[V
                 whole=whole,
                 unit=field.unit,
                 start=_start(starts[k], whole),
-                description=field.path,
+                description=f"{field.path}: {field.text}" if field.text else field.path,
             )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -19,14 +20,18 @@ from contourlab.export.flatten import Program
 from contourlab.export.operations import count_operations
 from contourlab.export.optimise import drop_unused, join_single_uses
 from contourlab.export.primitives.emission import run
-from contourlab.export.printing import Printer
+from contourlab.export.printing import Printer, comment
 from contourlab.export.scalar_types import Precision, is_real, literal
 from contourlab.export.statements import Assign, Block, Builder, Copy, Set, Table
 from contourlab.export.tracing import Leaf, TracedLaw, trace_law
 from contourlab.export.values import SMALL, Known, Value, atoms, stored
 from contourlab.recordings.sample import Sample
+from contourlab.simulation.result import COMMAND_UNITS
 
 __all__ = ["GeneratedC", "check_prefix", "generate"]
+
+WIDTH = 110
+"""Columns beyond which a comment of the header stands above its member."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -102,6 +107,7 @@ def generate(
     sample_time: float,
     prefix: str = "controller",
     precision: str = "double",
+    command: str = "",
 ) -> GeneratedC:
     """Return a law as C99.
 
@@ -117,6 +123,8 @@ def generate(
         Of every external name.
     precision
         ``"double"`` or ``"single"``.
+    command
+        Kind of the law's command, such as ``"force"``: units follow from it.
 
     Raises
     ------
@@ -127,7 +135,7 @@ def generate(
     """
     kind = Precision(precision)
     printer = Printer(check_prefix(prefix), kind)
-    traced = trace_law(law, sample)
+    traced = trace_law(law, sample, command_unit=COMMAND_UNITS.get(command, ""))
     tables: dict[Any, Table] = {}
     parameters = _live(traced, traced.parameters)
     inputs = _live(traced, traced.inputs)
@@ -242,11 +250,16 @@ def _declarations(printer: Printer, fields: Sequence[Field]) -> list[str]:
     lines = []
     for field in fields:
         kind = printer.real if field.dtype == "real" else "int32_t"
-        notes = [field.unit] if field.unit else []
+        notes = [field.text] if field.text else []
         if len(field.shape) > 1:
             notes.append(" x ".join(map(str, field.shape)) + ", last index fastest")
-        note = f" /* {'; '.join(notes)} */" if notes else ""
-        lines.append(f"    {kind} {field.name}{_shape(field)};{note}")
+        note = comment("; ".join(notes) + (f" [{field.unit}]" if field.unit else ""))
+        line = f"    {kind} {field.name}{_shape(field)};"
+        if note and len(line) + len(note) >= WIDTH:
+            lines += [*textwrap.wrap(note, WIDTH - 4, initial_indent="    ",
+                                     subsequent_indent="     * "), line]  # fmt: skip
+        else:
+            lines.append(f"{line} {note}" if note else line)
     return lines or ["    char unused; /* C has no empty structures */"]
 
 

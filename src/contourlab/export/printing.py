@@ -23,7 +23,7 @@ from contourlab.export.statements import (
     Variable,
 )
 
-__all__ = ["Printer"]
+__all__ = ["Printer", "comment"]
 
 _INFIX = {"add": ("+", 12), "sub": ("-", 12), "mul": ("*", 13), "div": ("/", 13)}
 _COMPARE = {"lt": "<", "le": "<=", "gt": ">", "ge": ">=", "eq": "==", "ne": "!="}
@@ -33,6 +33,20 @@ _LIBM = {
     "round", "nextafter", "pow", "erf", "erfc", "lgamma",
 }  # fmt: skip
 _LIBM_NAMES = {"abs": "fabs", "rem": "fmod"}
+
+
+def comment(text: str) -> str:
+    """Return words as a comment of C, whatever is in them; nothing for none.
+
+    Parameters
+    ----------
+    text
+        In one line.
+    """
+    for sign, plain in (("*/", "* /"), ("/*", "/ *"), ("\\", " "), ("??", "? ?")):
+        text = text.replace(sign, plain)
+    text = text.strip()
+    return f"/* {text} */" if text else ""
 
 
 class Printer:

@@ -26,6 +26,7 @@ _POINT = {
 }  # fmt: skip
 SAMPLE_UNITS = {
     "time": "s", "position": "m", "velocity": "m/s",
+    "geometry": "m per parameter^row",
     **{f"{where}.{k}": unit for where in ("reference", "preview") for k, unit in _POINT.items()},
 }  # fmt: skip
 
@@ -105,7 +106,7 @@ def law_outputs(law: BoundController, command: Any, state: Any) -> dict[str, Any
     }
 
 
-def trace_law(law: BoundController, sample: Sample) -> TracedLaw:
+def trace_law(law: BoundController, sample: Sample, *, command_unit: str = "") -> TracedLaw:
     """Return a law's functions as programs.
 
     Parameters
@@ -114,6 +115,8 @@ def trace_law(law: BoundController, sample: Sample) -> TracedLaw:
         Bound to its contour and sample time.
     sample
         One instant, as the loop would hand it over; only shapes and types matter.
+    command_unit
+        Of the law's command; empty where it is not known.
     """
     sample = jax.tree.map(jnp.asarray, sample)
     leaves, structure = jax.tree.flatten(law)
@@ -147,39 +150,54 @@ def trace_law(law: BoundController, sample: Sample) -> TracedLaw:
         law=law,
         parameters=[
             Leaf(field, np.asarray(value).dtype, np.asarray(value), keep)
-            for field, value, keep in zip(_safe_fields(named), leaves, fixed, strict=True)
+            for field, value, keep in zip(
+                _safe_fields(named, command_unit), leaves, fixed, strict=True
+            )
         ],
-        state=_leaves(state, "state of the law"),
+        state=_leaves(state, "state of the law", law.state_units, command_unit=command_unit),
         inputs=_leaves(sample, "sample", SAMPLE_UNITS),
-        outputs=_ordered(first),
+        outputs=_ordered(first, law, state, command_unit),
         init=flatten(jax.make_jaxpr(init)(leaves, sample_leaves)),
         step=flatten(traced),
     )
 
 
-def _safe_fields(tree: Any) -> list[Field]:
+def _safe_fields(tree: Any, command_unit: str) -> list[Field]:
     """Return fields of the law's own arrays; what is no number that users set stays in the code."""
     shown = jax.tree.map(
         lambda one: one if one.dtype in (np.float64, np.int32, np.bool_) else np.zeros(one.shape),
         tree,
     )
-    return fields_of(shown, what="law")
+    return fields_of(shown, what="law", command_unit=command_unit)
 
 
-def _leaves(tree: Any, what: str, units: dict[str, str] | None = None) -> list[Leaf]:
+def _leaves(
+    tree: Any, what: str, units: dict[str, str] | None = None, *, command_unit: str = ""
+) -> list[Leaf]:
+    fields = fields_of(tree, what=what, units=units, command_unit=command_unit)
     values = [np.asarray(one) for one in jax.tree.leaves(tree)]
-    return [
-        Leaf(field, value.dtype, value)
-        for field, value in zip(fields_of(tree, what=what, units=units), values, strict=True)
-    ]
+    return [Leaf(field, value.dtype, value) for field, value in zip(fields, values, strict=True)]
 
 
-def _ordered(outputs: dict[str, Any]) -> list[Leaf]:
+def _ordered(
+    outputs: dict[str, Any], law: BoundController, state: Any, command_unit: str
+) -> list[Leaf]:
+    """Return the outputs; telemetry that is called like a part of the state is told like it."""
+    said = {}
+    for one in fields_of(state, what="state of the law", command_unit=command_unit):
+        said.setdefault(one.path.rpartition(".")[2], (one.unit, one.text))
+    meanings = ", ".join(f"{number} {meaning}" for number, meaning in enumerate(law.statuses))
+    said |= {
+        "command": (command_unit, "Acts from this instant to the next"),
+        "status": ("", meanings),
+        "finished": ("", "1 once a law that plans its own time has arrived"),
+        "contour_error_estimate": ("m", "As the law estimates it, from the tool to the path"),
+    }
     found = []
-    units = {"contour_error_estimate": "m"}
     for key, value in outputs.items():
-        field = fields_of({key: value}, what="output", units=units)[0]
-        found.append(Leaf(field, value.dtype, value))
+        field = fields_of({key: value}, what="output")[0]
+        unit, text = said.get(key, ("", ""))
+        found.append(Leaf(dataclasses.replace(field, unit=unit, text=text), value.dtype, value))
     return found
 
 
