@@ -48,7 +48,7 @@ def made():
                     sample_time=recorded.sample_time,
                     prefix="law",
                     command=law.needs.command,
-                ),  # fmt: skip
+                ),
             )
         return found[name]
 
@@ -162,6 +162,12 @@ def test_gains_state_and_command_have_units(name, wanted, made):
     outputs = {one.path: one for one in generated.outputs}
     assert outputs["command"].unit == "N"
     assert outputs["status"].text == "0 normal, 1 saturated"
+
+
+def test_loops_that_end_by_themselves_are_counted_apart(made):
+    assert made("AxisPid")[1].operations_once == made("AxisPid")[1].operations
+    searching = made("DirectAdaptiveRobust")[1]
+    assert 100 < searching.operations_once < 10_000 < searching.operations
 
 
 def test_the_contour_and_the_sample_time_are_in_the_code(made):

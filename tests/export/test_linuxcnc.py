@@ -175,3 +175,21 @@ def test_long_names_are_shortened_and_told_apart():
 def _numbered(item):
     count = item.field.size if item.array else 1
     return [item.shown.replace("N", str(k)) for k in range(count)]
+
+
+def test_names_that_are_too_long_for_hal_are_shortened_alike():
+    from contourlab.export.fields import Field
+    from contourlab.export.hal_items import HAL_NAME_LENGTH, _hal_names
+
+    def names(prefix, group, *fields):
+        return _hal_names(prefix, group, [Field(one, (2,), "", "real", one) for one in fields])
+
+    assert names("c", "law", "feed_forward_friction") == ["law.feed_forward_friction_#"]
+    both = "axis_feed_forward_friction_velocity", "axis_feed_forward_velocity"
+    found = names("cross_coupled", "law", *both)
+    assert found == ["law.axis_ff_friction_velocity_#", "law.axis_ff_velocity_#"]
+    assert names("cross_coupled", "telemetry", "contour_error_estimate") == [
+        "telemetry.contour_error_est_#"
+    ]
+    for name in found:
+        assert len("cross_coupled." + name) <= HAL_NAME_LENGTH

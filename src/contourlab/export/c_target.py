@@ -160,6 +160,7 @@ def write_manifest(
         "schema": SCHEMA, "contourlab": contourlab.__version__, "target": target,
         "law": generated.law, "prefix": generated.prefix, "precision": generated.precision,
         "sample_time": generated.sample_time, "operations": generated.operations,
+        "operations_once": generated.operations_once,
         "statuses": list(generated.statuses), "files": sorted(files),
         "state_bytes": size_of(generated, generated.state),
         "parameters": described(generated.parameters), "state": described(generated.state),

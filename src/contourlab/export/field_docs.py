@@ -17,7 +17,6 @@ import re
 import sys
 import textwrap
 from collections.abc import Sequence
-from typing import Any
 
 __all__ = ["COMMAND_UNIT", "Described", "described", "in_command_unit"]
 

@@ -61,6 +61,8 @@ class GeneratedC:
         Name of the law's class.
     iterates
         Whether a step iterates on real numbers until something has converged.
+    operations_once
+        Operations likewise, if every loop that ends by itself ends after one pass.
     """
 
     prefix: str
@@ -77,6 +79,7 @@ class GeneratedC:
     statuses: tuple[str, ...]
     law: str
     iterates: bool = False
+    operations_once: int = 0
 
 
 def check_prefix(prefix: str) -> str:
@@ -160,7 +163,8 @@ def generate(
         header=_header(printer, name, float(sample_time), fields),
         source=_source(printer, name, tables, texts, fields, defaults),
         operations=count_operations(step), defaults=defaults, statuses=tuple(law.statuses),
-        law=name, iterates=_iterates(traced.step), **fields,
+        law=name, iterates=_iterates(traced.step),
+        operations_once=count_operations(step, searches_once=True), **fields,
     )  # fmt: skip
 
 

@@ -27,6 +27,10 @@ SHORTER = {
     "friction": "fric",
     "position": "pos",
     "estimator": "est",
+    "estimate": "est",
+    "disturbance": "dist",
+    "contour": "cont",
+    "error": "err",
 }
 """How words are shortened in names that are too long for HAL, in this order."""
 
@@ -117,13 +121,17 @@ def _hal_names(prefix: str, group: str, fields: Sequence[Field]) -> list[str]:
     """Return names that HAL can take: shortened where too long, else numbered."""
     names: list[str] = []
     taken: set[str] = set()
-    for number, field in enumerate(fields):
-        digits = 0 if field.shape == () else 1 + len(str(field.size - 1))
-        room = HAL_NAME_LENGTH - len(prefix) - len(group) - 2 - digits
-        name = field.name
-        for word, short in SHORTER.items():
-            if len(name) > room:
-                name = name.replace(word, short)
+    rooms = [
+        HAL_NAME_LENGTH - len(prefix) - len(group) - 2
+        - (0 if field.shape == () else 1 + len(str(field.size - 1)))
+        for field in fields
+    ]  # fmt: skip
+    shortened = [field.name for field in fields]
+    for word, short in SHORTER.items():  # in all names alike, as far as the longest needs it
+        if all(len(name) <= room for name, room in zip(shortened, rooms, strict=True)):
+            break
+        shortened = [name.replace(word, short) for name in shortened]
+    for number, (field, name, room) in enumerate(zip(fields, shortened, rooms, strict=True)):
         shown = {f"{name}_{k}" for k in range(field.size)} if field.shape else {name}
         if len(name) > room or shown & taken or name.endswith("_"):
             name = f"number{number}"

@@ -11,7 +11,7 @@ from contourlab.export.statements import Variable as Declared
 __all__ = ["count_operations"]
 
 
-def count_operations(block: Block) -> int:
+def count_operations(block: Block, *, searches_once: bool = False) -> int:
     """Return the worst number of operations of a block.
 
     Every operation on a scalar counts one, functions of libm too; loops count as often as they can
@@ -21,11 +21,13 @@ def count_operations(block: Block) -> int:
     ----------
     block
         Of a function.
+    searches_once
+        Whether a loop that ends by itself, within a bound, counts as one pass.
     """
-    return sum(_operations(one) for one in block.statements)
+    return sum(_operations(one, searches_once) for one in block.statements)
 
 
-def _operations(statement: Any) -> int:
+def _operations(statement: Any, once: bool) -> int:
     if isinstance(statement, Assign | Set | Declared):
         return _inside(statement.expression)
     if isinstance(statement, Store):
@@ -33,9 +35,10 @@ def _operations(statement: Any) -> int:
     if isinstance(statement, Break):
         return _inside(statement.condition)
     if isinstance(statement, For):
-        return int(statement.count) * count_operations(statement.body)
+        passes = min(int(statement.count), 1) if once and statement.note else int(statement.count)
+        return passes * count_operations(statement.body, searches_once=once)
     if isinstance(statement, Branch):
-        longest = max(count_operations(one) for one in statement.blocks)
+        longest = max(count_operations(one, searches_once=once) for one in statement.blocks)
         return _inside(statement.selector) + longest
     assert isinstance(statement, Copy) or not hasattr(statement, "expression")
     return 0
