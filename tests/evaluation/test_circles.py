@@ -72,6 +72,19 @@ def test_both_directions_with_known_deviations(tmp_path):
     np.testing.assert_allclose(ccw.feed, R * 2.4 * np.pi / (2999 * DT), rtol=1e-3)
 
 
+def test_a_coarse_grid_stands_beside_the_figures(tmp_path):
+    """Each radius is off by at most half a diagonal of the grid, and G by two of them."""
+    commanded = motion(ramp(1.2), ramp(1.2, -1.0))
+    angle, outward = polar(commanded)
+    actual = commanded + 3e-6 * np.cos(3.0 * angle)[:, None] * outward
+    test = test_of(tmp_path, commanded, np.round(actual, 6))
+    np.testing.assert_allclose(test.half_width, np.sqrt(0.5) * 1e-6, rtol=1e-6)
+    assert test.json()["radial_half_width"] == test.half_width
+    for one in test.directions:
+        off = abs(one.deviation - 6e-6)
+        assert 0.1 * test.half_width < off < 2.0 * test.half_width
+
+
 def test_one_direction_has_no_bidirectional_figure(tmp_path):
     commanded = motion(ramp(1.1))
     test = test_of(tmp_path, commanded, commanded + 1e-6, measured="tool")

@@ -1,5 +1,6 @@
 """The page and the tables of an evaluated log."""
 
+import io
 import json
 import re
 
@@ -41,6 +42,28 @@ def test_the_page_holds_everything_and_asks_nobody(found, tmp_path):
     assert {cause["name"] for cause in data["causes"]} <= {c.name for c in found.causes}
     with pytest.raises(OutputError, match="exists already"):
         write_evaluation(found, tmp_path / "report.html")
+
+
+@pytest.mark.browser
+def test_the_page_draws_without_an_error_and_asks_for_nothing(chromium, found, tmp_path):
+    visit = chromium(write_evaluation(found, tmp_path / "report.html"), "--dump-dom")
+    assert visit.attribute("data-ready") == "yes"
+    assert visit.attribute("data-errors") is None
+    assert visit.requests == ()
+    assert not [line for line in visit.console if "ERROR" in line or "Refused" in line]
+    # path, causes, error over time, lag and tracking error
+    assert visit.dom.count('class="main-svg" ') >= 4
+
+
+def test_the_terminal_shows_signs_as_words(found):
+    from rich.console import Console
+
+    console = Console(width=120, record=True, file=io.StringIO())
+    for table in evaluation_tables(found):
+        console.print(table)
+    text = console.export_text()
+    assert "+-" in text  # the log has nanometres: no figure is exact
+    assert "\\x" not in text
 
 
 def test_json_is_finite_and_si(found):

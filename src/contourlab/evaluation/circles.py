@@ -96,6 +96,8 @@ class CircularTest:
     mean_radial: float | None
     """D [m]; None with one direction or without a nominal radius."""
     warnings: tuple[str, ...] = ()
+    half_width: float = 0.0
+    """By which one radial deviation may be off by the log's grid [m]; G, of two, by twice that."""
 
     def json(self) -> dict[str, Any]:
         """Return the figures for JSON, SI."""
@@ -103,6 +105,7 @@ class CircularTest:
             "axes": list(self.axes), "radius": self.radius, "centre": list(self.centre),
             "bidirectional_deviation": self.bidirectional,
             "mean_bidirectional_radial_deviation": self.mean_radial,
+            "radial_half_width": self.half_width,
             "directions": [
                 {
                     "direction": one.name, "circular_deviation": one.deviation,

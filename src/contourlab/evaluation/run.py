@@ -146,6 +146,10 @@ def evaluate(
     test = None
     if circular:
         test = find_circular_test(read, breaks.held, measured)
+    if test is not None:
+        pair = [read.axes.index(axis) for axis in test.axes]
+        step = np.asarray(resolution.actual_step)[pair]
+        test = replace(test, half_width=0.5 * float(np.linalg.norm(step)))
     warnings = [*read.warnings, *said, *resolution.warnings, *_worth(metrics), *cause_warnings]
     if test is not None:
         warnings += list(test.warnings)

@@ -234,6 +234,7 @@ def circle_rows(evaluation: Evaluation) -> list[tuple[str, str]]:
     test = evaluation.circular
     if test is None:
         return []
+    one_of, two_of = test.half_width, 2.0 * test.half_width
     rows = [
         ("nominal radius" if test.nominal_known else "fitted radius", f"{1e3 * test.radius:.5g} mm")
     ]
@@ -241,15 +242,20 @@ def circle_rows(evaluation: Evaluation) -> list[tuple[str, str]]:
         feed = f" at {6e4 * one.feed:.4g} mm/min" if math.isfinite(one.feed) else ""
         offset = ", ".join(to_um(v) for v in one.centre_offset)
         rows += [
-            (f"circular deviation G, {one.name}{feed}", f"{to_um(one.deviation)} um"),
+            (
+                f"circular deviation G, {one.name}{feed}",
+                f"{with_half_width(one.deviation, two_of)} um",
+            ),
             (
                 f"radial deviation F, {one.name}",
-                f"{to_um(one.radial_min)} to {to_um(one.radial_max)} um",
+                f"{to_um(one.radial_min)} to {to_um(one.radial_max)} um"
+                + (f", each ± {to_um(one_of)} um" if one_of > 0.0 else ""),
             ),
             (f"centre offset, {one.name}", f"{offset} um"),
         ]
     if test.bidirectional is not None:
-        rows.append(("bidirectional circular deviation G(b)", f"{to_um(test.bidirectional)} um"))
+        both = with_half_width(test.bidirectional, two_of)
+        rows.append(("bidirectional circular deviation G(b)", f"{both} um"))
     if test.mean_radial is not None:
         rows.append(("mean bidirectional radial deviation D", f"{to_um(test.mean_radial)} um"))
     return rows

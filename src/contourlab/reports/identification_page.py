@@ -119,7 +119,9 @@ def _page(
                 "title": "Parameters",
                 "heads": ["axis", "parameter", "value", f"{100 * found.confidence:g} % interval",
                           "unit", "least squares"],
-                "rows": parameter_rows(found),
+                "rows": [
+                    [cell.replace(" +- ", " ± ") for cell in row] for row in parameter_rows(found)
+                ],
                 "note": "Of the simulated response; least squares are where it began.",
             }
         )  # fmt: skip
@@ -146,7 +148,8 @@ def _page(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     return environment.from_string(template("identify.html")).render(
-        title="What the machine is, from its log", sentences=sentences or ["Nothing was found."],
+        title="What the machine is, from its log",
+        sentences=[text.replace(" +- ", " ± ") for text in sentences or ["Nothing was found."]],
         warnings=list(dict.fromkeys(said)), tables=tables, figures=figures, facts=facts,
         notes=list(dict.fromkeys(remarks)), machine=machine,
         style=Markup(template("report.css")), script=Markup(template("identify.js")),

@@ -186,7 +186,9 @@ def ascii_text(text: str, *, keep: str = "") -> str:
     keep
         Characters that are left as they are.
     """
-    plain = text.replace("µ", "u").encode("ascii", "backslashreplace").decode("ascii")
+    for sign, word in (("µ", "u"), ("±", "+-"), ("°", " deg")):
+        text = text.replace(sign, word)
+    plain = text.encode("ascii", "backslashreplace").decode("ascii")
     return "".join(c if c.isprintable() or c in keep else "?" for c in plain)
 
 
