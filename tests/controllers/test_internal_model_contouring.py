@@ -405,6 +405,24 @@ def test_the_certificate_is_one():
         assert np.linalg.eigvalsh(falls)[0] > 0.0
 
 
+@pytest.mark.parametrize("decay", [0.5, 0.9])
+def test_the_least_gain_for_a_decay_is_that_of_poles_there(decay):
+    """And not nearly dead-beat whatever is asked for."""
+    b = NUMERATOR[1]
+    design = design_stabiliser(b, half_width=1e-4, decay=decay, least_gain=True)
+    assert design.margin > 0.0
+    for alpha, gain in zip((-2.0001, -1.9999), design.gain, strict=True):
+        radius = np.max(np.abs(np.linalg.eigvals(closed_loop((alpha, 1.0), b, gain))))
+        assert 0.9 * decay < radius < decay
+    # A + b K with the polynomial (z - ρ)²: its trace and its determinant
+    rows = np.array([[b[0], b[1]], [-b[1], 2.0 * b[1] + b[0]]])
+    placed = np.linalg.solve(rows, [2.0 * decay - 2.0, decay**2 - 1.0])
+    assert np.linalg.norm(design.gain[0]) < 1.25 * np.linalg.norm(placed)
+    middle = design_stabiliser(b, half_width=1e-4, decay=decay)
+    share = np.linalg.norm(design.gain[0]) / np.linalg.norm(middle.gain[0])
+    assert share < (0.7 if decay < 0.6 else 0.2)
+
+
 def test_how_far_the_published_gain_is_certified():
     """0.37; at 0.5 the loop is unstable at a corner, so that no form could certify it."""
     width = certified_half_width(NUMERATOR[1], GAIN)
@@ -468,6 +486,10 @@ def test_the_certified_range_is_watched(gain):
     law = stage_law(stabiliser_gain=gain, second_signal="position")
     bound = law.bind(CIRCLE, T)
     assert np.all(np.asarray(bound.certificate) > 0.0)
+    if gain is None:  # a decay that is asked for is had with the least gain
+        soft = replace(law, stabiliser_decay=0.9).bind(CIRCLE, T)
+        assert np.all(np.abs(soft.gain) < 0.2 * np.abs(bound.gain))
+        assert np.all(np.asarray(soft.radius) < 0.9)
     for signal, outside in (("position", True), ("best", False)):
         recording = cl.simulate(cao_zhang_stage(), replace(law, second_signal=signal), round_trip())
         assert np.any(np.asarray(recording["status"])[1000:] == 3) == outside

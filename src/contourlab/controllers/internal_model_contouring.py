@@ -107,8 +107,10 @@ class InternalModelContouring(Controller):
         gains that are given: the loop must be stable at its corners, and what is certified is
         watched up to it; without it, as far as it is certified.
     stabiliser_decay
-        ρ of :mod:`~contourlab.controllers.stabiliser`, > 0 and < 1; 0.6 by default. Of gains that
-        are given: bound on the spectral radius at the corners; 1 by default.
+        ρ of :mod:`~contourlab.controllers.stabiliser`, > 0 and < 1: the least gain for it is taken;
+        the nearer to 1, the less of the command. By default the gain is in the middle of those for
+        0.6, nearly dead-beat. Of gains that are given: bound on the spectral radius at the corners;
+        1 by default.
     observer_gain
         F of (36).
     disturbance_observer_hz

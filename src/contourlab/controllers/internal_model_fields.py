@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from contourlab.configuration import is_concrete
 from contourlab.controllers.position_domain_law import check_conversion
 from contourlab.controllers.pulse_model import PulseModel
-from contourlab.controllers.stabiliser import design_stabiliser
+from contourlab.controllers.stabiliser import closed_loop, design_stabiliser
 from contourlab.controllers.stabiliser_certificate import WIDEST, certify_gain, worst_radius
 from contourlab.errors import ConfigurationError, RefusedError
 from contourlab.typing import Scalar
@@ -144,9 +144,16 @@ def bound_stabiliser(law: InternalModelContouring, model: PulseModel) -> dict[st
     width = RANGE if law.stabiliser_range is None else float(np.asarray(law.stabiliser_range))
     decay = DECAY if law.stabiliser_decay is None else float(np.asarray(law.stabiliser_decay))
     numerators = np.asarray(model.numerator)
-    designs = [design_stabiliser(b, half_width=width, decay=decay) for b in numerators]
+    least = law.stabiliser_decay is not None
+    designs = [
+        design_stabiliser(b, half_width=width, decay=decay, least_gain=least) for b in numerators
+    ]
     radii = [
-        max(worst_radius(b, gain, width)[0] for gain in design.gain)
+        max(
+            float(np.max(np.abs(np.linalg.eigvals(closed_loop((end, second), b, gain)))))
+            for end, gain in zip((design.low, design.high), design.gain, strict=True)
+            for second in (1.0 - width, 1.0 + width)
+        )
         for b, design in zip(numerators, designs, strict=True)
     ]
     return {
