@@ -30,7 +30,16 @@ from contourlab.controllers.stabiliser import (
 from contourlab.controllers.stabiliser_certificate import certify_gain, worst_radius
 from contourlab.errors import ConfigurationError, RefusedError
 from contourlab.feedrate import constant_rate
-from contourlab.machines import SineDisturbance, StateSpaceAxes, StepDisturbance
+from contourlab.machines import (
+    Drive,
+    Encoder,
+    Friction,
+    Machine,
+    RigidAxes,
+    SineDisturbance,
+    StateSpaceAxes,
+    StepDisturbance,
+)
 from contourlab.machines.base import NominalModel
 from contourlab.machines.published import cao_zhang_stage, cao_zhang_stage_and_scanner
 from contourlab.machines.published.cao_zhang import cao_zhang_pulse_model
@@ -202,6 +211,46 @@ def test_a_known_disturbance_of_the_slave_is_taken_away(push, frequencies):
     known = largest(cl.simulate(cao_zhang_stage(), law, round_trip(), disturbances=push))
     assert known < 1e-3 * bare
     assert known < 1e-11
+
+
+def free_law(**changes):
+    """Of axes without stiffness, as linear motors have them."""
+    axis = AxisPid(model=model(limit=15.0), kp=2e4, ki=2e5, kd=200.0)
+    return InternalModelContouring(axis=axis, stabiliser_gain=FREE_GAIN, **changes)
+
+
+FREE_GAIN = (-8e5, -6e5)
+"""Poles within 0.64 on axes of :func:`model`, at 1 ms."""
+
+
+def test_axes_that_nothing_holds_are_warned_of_unless_they_are_observed():
+    (warning,) = free_law().bind(CIRCLE, T).warnings()
+    assert "axis 0: no stiffness" in warning
+    assert "give disturbance_observer_hz" in warning
+    assert free_law(disturbance_observer_hz=40.0).bind(CIRCLE, T).warnings() == ()
+    assert stage_law().bind(CIRCLE, T).warnings() == ()
+
+
+@pytest.mark.slow
+def test_under_dry_friction_the_copy_of_a_free_axis_runs_away_unless_it_is_observed():
+    """What is warned of, on a linear motor: the copy is given 5 N that the axis does not get."""
+    dynamics = RigidAxes(mass=(10.0, 6.0), viscous=(30.0, 20.0))
+    drive = Drive(command="force", command_limit=150.0)
+    told = Machine(names=("X", "Y"), dynamics=dynamics, drive=drive, sensor=Encoder(), substeps=10)
+    dry = replace(dynamics, friction=Friction(coulomb=5.0, smoothing_velocity=1e-4))
+    axis = AxisPid(
+        model=told.nominal, kp=(2e5, 1.2e5), ki=(2e6, 1.2e6), kd=(2e3, 1.2e3),
+        velocity_feed_forward=1.0, acceleration_feed_forward=1.0,
+    )  # fmt: skip
+    ellipse = Ellipse(semi_axes=(0.02, 0.01))
+    reference = constant_rate(ellipse, rate=1.5, duration=4.0, sample_time=T)
+    errors = []
+    for hz in (None, 40.0):
+        law = InternalModelContouring(axis=axis, engage_time=0.2, disturbance_observer_hz=hz)
+        found = cl.simulate(replace(told, dynamics=dry), law, reference)
+        errors.append(found.metrics_between(1.0, 4.0)["contour_error_rms"])
+    assert errors[0] > 1e-4  # a millimetre at most, the command at its limit
+    assert errors[1] < 1e-6
 
 
 def test_engaging_late_is_engaging_without_a_jump_of_the_command():

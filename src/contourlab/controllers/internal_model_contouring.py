@@ -17,7 +17,10 @@ master does and whatever the path is: the coefficients are fitted anew to every 
 internal model amounts to inverting the axis with one sample of look-ahead. Its zeros must be inside
 the unit circle. Nothing in it is robust: the copy is driven by the command, not by the axis, and a
 model that is off leaves an error that K alone holds down. A constant push is nearly removed,
-because α is near (-2, 1), a double integrator.
+because α is near (-2, 1), a double integrator. That holds on axes with stiffness. On an axis that
+integrates, as a linear motor does, the copy runs away from the axis under any push that it is not
+told of, dry friction to begin with, until the command is at its limit: there the law needs
+``disturbance_observer_hz``, and the recording warns without it.
 
 **Look-ahead.** u(k) takes f(k+1), which is where the master will be: its position is predicted one
 sample ahead by its nominal model and an observer, and the same predictions are used at every
@@ -62,7 +65,12 @@ from contourlab.controllers.axis_controller import (
 from contourlab.controllers.base import Controller, Needs
 from contourlab.controllers.exosystem import SIGNALS
 from contourlab.controllers.internal_model_bound import BoundInternalModelContouring
-from contourlab.controllers.internal_model_fields import bound_model, bound_stabiliser, check_fields
+from contourlab.controllers.internal_model_fields import (
+    bound_model,
+    bound_stabiliser,
+    check_fields,
+    drifting,
+)
 from contourlab.controllers.internal_model_state import InternalModelState
 from contourlab.controllers.master_compensation import bound_compensation
 from contourlab.controllers.position_domain_law import bound_domain, refuse_lone_axis
@@ -235,5 +243,5 @@ class InternalModelContouring(Controller):
             master_asked=self.master is not None,
             rejects=len(known) > 0 and self.reject_on == "all",
             gain_given=self.stabiliser_gain is not None,
-            remarks=(remark,) * bool(remark),
+            remarks=(*(remark,) * bool(remark), *drifting(slaves, model, observed=len(known) > 0)),
         )  # fmt: skip

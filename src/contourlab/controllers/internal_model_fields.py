@@ -18,12 +18,14 @@ from contourlab.typing import Scalar
 if TYPE_CHECKING:
     from contourlab.controllers.internal_model_contouring import InternalModelContouring
 
-__all__ = ["bound_model", "bound_stabiliser", "check_fields"]
+__all__ = ["bound_model", "bound_stabiliser", "check_fields", "drifting"]
 
 ON_CIRCLE = 1e-6
 """How near to the unit circle a zero of an axis may come."""
 RANGE = 0.01
 """Half width of the box of α, unless another is given."""
+INTEGRATES = 1e-9
+"""|A(1)| relative to its coefficients below which an axis is held by nothing."""
 DECAY = 0.6
 """ρ of gains that are found, unless another is given."""
 
@@ -120,6 +122,32 @@ def bound_model(law: InternalModelContouring, sample_time: Scalar) -> PulseModel
                 "of the model, or sample more slowly"
             )
     return model
+
+
+def drifting(slaves: tuple[int, ...], model: PulseModel, *, observed: bool) -> tuple[str, ...]:
+    """Return the warning for slaves whose copy runs away from them, if there are any.
+
+    Parameters
+    ----------
+    slaves
+        Which axes.
+    model
+        Of them.
+    observed
+        Whether what disturbs them is observed, and told to the copy.
+    """
+    if observed or not is_concrete(model.denominator):
+        return ()
+    a = np.asarray(model.denominator)
+    free = np.abs(1.0 + a.sum(1)) <= INTEGRATES * (1.0 + np.abs(a).sum(1))
+    names = ", ".join(str(k) for k, moves in zip(slaves, free, strict=True) if moves)
+    if not names:
+        return ()
+    return (
+        f"axis {names}: no stiffness, by the model; under dry friction or any other push that it "
+        "does not know, the copy of the axis in the internal model runs away from the axis until "
+        "the command is at its limit; give disturbance_observer_hz",
+    )
 
 
 def bound_stabiliser(law: InternalModelContouring, model: PulseModel) -> dict[str, Any]:
