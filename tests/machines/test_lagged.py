@@ -1,5 +1,7 @@
 """A lagging drive: the conformance check, and the step response of the third-order axis."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -31,13 +33,19 @@ def machine(dynamics):
     )  # fmt: skip
 
 
+@jax.jit
+def advance(bound, state, command):
+    """Compiled once for a kind of machine: a step run piece by piece takes tens of ms."""
+    return bound.advance(state, command, jnp.zeros(len(command)))
+
+
 def positions(dynamics, n=40, dt=1e-3):
     bound = machine(dynamics).bind(dt)
     state = bound.init(np.zeros(1))
     found = []
     for k in range(n):
         command = np.array([1.0 if k % 10 < 5 else -0.5])
-        state = bound.advance(state, command, np.zeros(1))
+        state = advance(bound, state, command)
         found.append(float(bound.true_position(state)[0]))
     return np.array(found)
 
