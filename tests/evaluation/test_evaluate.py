@@ -129,7 +129,7 @@ def test_a_part_that_lies_far_away_behind_its_approach_is_found(tmp_path):
     assert found.alignment.covered > 0.99
     near = tmp_path / "near.ngc"
     near.write_text(PART)
-    home = np.linspace(0.0, 1.0, 100)[:, None] * [0.5, 0.2] - [0.5, 0.2]
+    home = np.linspace(0.0, 1.0, 100)[:, None] * [1.5, 0.7] - [1.5, 0.7]
     whole = np.concatenate([home, points]) + np.array([0.3, -0.1])
     found = cl.evaluate(log(tmp_path, whole, whole + UP), contour=near)
     np.testing.assert_allclose(found.alignment.shift, [-0.3, 0.1], atol=1e-8)

@@ -27,8 +27,8 @@ SCREENED, REFINED = 240, 2000
 """Points by which placements are compared, and the best one refined."""
 KEPT = 0.75
 """Share of the points that pull."""
-NOT_FAST = 1.5
-"""Times the usual step: what moves faster is a rapid, more likely than not."""
+NOT_FAST = 4.0
+"""Times the usual step: what moves faster counts as a rapid, and does not pull."""
 MATCHING = 0.01
 """Share of the extent by which middles must differ to be tried both."""
 SLIDES = 12
@@ -111,12 +111,13 @@ def align(path: Path, points: Values, *, fit: bool, cuts: Values | None = None) 
         raise LogError(f"the part has {path.n_axes} coordinates and the log {n_axes} axes")
     best = (np.eye(n_axes), np.zeros(n_axes))
     if fit:
-        few = _spread(points, SCREENED)
+        slow = _slow(points)
+        few = _spread(slow, SCREENED)
         starts = _starts(path, points, cuts)
         tried = [_closest(path, few, *start, turns=6) for start in starts]
         costs = [_cost(path, few, *place) for place in tried]
         best = tried[int(np.argmin(costs))]
-        many = _spread(points, REFINED)
+        many = _spread(slow, REFINED)
         best = _slid(path, many, *_closest(path, many, *best, turns=4))
     placed = points @ best[0].T + best[1]
     away = np.abs(np.asarray(foot_point(path, _spread(placed, 5 * REFINED)).distance))
@@ -146,8 +147,7 @@ def _starts(path: Path, points: Values, cuts: Values | None) -> list[tuple[Value
     n_axes = points.shape[1]
     shape, piece = _samples(path)
     cut = shape if cuts is None else shape[cuts[np.minimum(piece, len(cuts) - 1)]]
-    step = np.linalg.norm(np.diff(points, axis=0, prepend=points[:1]), axis=1)
-    slow = points[step <= NOT_FAST * np.median(step)]
+    slow = _slow(points)
     extent = float(np.ptp(shape, axis=0).max())
     starts = [(np.eye(n_axes), np.zeros(n_axes))]
     for own in _middles((points, slow), extent):
@@ -158,6 +158,13 @@ def _starts(path: Path, points: Values, cuts: Values | None) -> list[tuple[Value
                 turn[:2, :2] = [[c, -s], [s, c]]
                 starts.append((turn, middle - turn @ own))
     return starts
+
+
+def _slow(points: Values) -> Values:
+    """Return the points of a motion without its rapids, more likely than not."""
+    step = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    step = np.concatenate([step[:1], step])
+    return np.asarray(points[step <= NOT_FAST * np.median(step)])
 
 
 def _middles(sets: tuple[Values, ...], extent: float) -> list[Values]:
