@@ -75,13 +75,19 @@ def test_a_negative_position_is_no_other_recurrence():
     assert np.max(np.abs(left)) < 1e-14
 
 
-@pytest.mark.parametrize("value", [0.0, 0.7])
-def test_where_it_stands_a_straight_line_stands_in(value):
-    still = jnp.full((3, 1), value)
-    alpha, well = alpha_1(still, still)
+@pytest.mark.parametrize(
+    ("f", "holds"),
+    [((0.0, 0.0, 0.0), True), ((0.7, 0.7, 0.7), True), ((1.0, 2.0, 3.0), True),
+     ((1.0, 2.0, 4.0), False)],
+    ids=["of nothing", "at rest", "on a line", "on a curve"],
+)  # fmt: skip
+def test_where_it_stands_a_straight_line_stands_in_and_is_one_or_not(f, holds):
+    """g like f does not turn; that of a slave at rest is a recurrence all the same."""
+    values = jnp.asarray(f)[:, None]
+    alpha, well = alpha_1(values, values)
     assert float(alpha[0]) == -2.0
-    assert float(well[0]) == 0.0
-    assert float(alpha_2(still, still)[0]) == 1.0
+    assert bool(well[0]) == holds
+    assert float(alpha_2(values, values)[0]) == 1.0
 
 
 def test_where_the_exosystem_turns():

@@ -95,6 +95,9 @@ def transition(f: Array, g: Array) -> Array:
 def alpha_1(f: Array, g: Array) -> tuple[Vector, Vector]:
     """Return α1(k), and 1 where it stands on a recurrence, else 0; shape (n,).
 
+    Where w does not turn, f may still lie on a straight line, as that of a slave that rests does:
+    (-2, 1) is its recurrence.
+
     Parameters
     ----------
     f, g
@@ -106,7 +109,9 @@ def alpha_1(f: Array, g: Array) -> tuple[Vector, Vector]:
     well = (jnp.abs(sine) > STANDING) & (length[1] > 0.0)
     ratio = length[2] / jnp.where(well, length[1], 1.0)
     value = -ratio * jnp.sin(before + after) / jnp.where(well, sine, 1.0)  # (A1)
-    return jnp.where(well, value, -2.0), well.astype(float)
+    bend = jnp.abs(f[0] - 2.0 * f[1] + f[2])
+    straight = bend <= STANDING * jnp.max(jnp.abs(f), 0)
+    return jnp.where(well, value, -2.0), (well | straight).astype(float)
 
 
 def alpha_2(f: Array, g: Array) -> Vector:
