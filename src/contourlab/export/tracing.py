@@ -183,7 +183,7 @@ def _ordered(
     outputs: dict[str, Any], law: BoundController, state: Any, command_unit: str
 ) -> list[Leaf]:
     """Return the outputs; telemetry that is called like a part of the state is told like it."""
-    said = {}
+    said: dict[str, tuple[str, str]] = {}
     for one in fields_of(state, what="state of the law", command_unit=command_unit):
         said.setdefault(one.path.rpartition(".")[2], (one.unit, one.text))
     meanings = ", ".join(f"{number} {meaning}" for number, meaning in enumerate(law.statuses))
