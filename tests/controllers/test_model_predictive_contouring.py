@@ -581,6 +581,8 @@ def test_what_it_cannot_take_is_refused():
         ModelPredictiveContouring(model=cl.replace(model, command="position"), speed_limit=0.1)
 
 
+# a program a step, compiled again for every change of a field: minutes
+@pytest.mark.overnight
 @pytest.mark.slow
 def test_conformance():
     machine = drive()
