@@ -8,7 +8,7 @@ import pytest
 import contourlab as cl
 from contourlab.errors import ConfigurationError, ContourlabError, LogError
 from contourlab.evaluation.grid import grid_step, grid_steps
-from contourlab.logs import read_log
+from contourlab.logs import Log, read_log
 
 DT = 1e-3
 UP = np.array([0.0, 2e-6])
@@ -327,3 +327,19 @@ def test_a_part_judges_actual_positions_without_commands(tmp_path, part_file):
     assert found.causes == ()
     assert "lag_error_max" not in found.metrics
     assert found.worst[0].where.endswith("part.ngc:4: G1 X60 Y0")
+
+
+def test_rounding_is_not_explained():
+    """A log that is exactly on its path leaves an error of 1e-20 m: no cause made that."""
+    rng = np.random.default_rng(3)
+    commanded = np.cumsum(rng.normal(size=(184, 3)) * 1e-4, axis=0)
+    commanded[rng.random(184) < 0.1] = 0.0
+    commanded = np.round(commanded / 1e-3) * 1e-3
+    log = Log(
+        source="log", format="text", axes=("X", "Y", "Z"), time=np.arange(184.0), sample_time=1.0,
+        timed=False, commanded=commanded, actual=commanded.copy(), scale=1e-3, row=np.arange(184),
+    )  # fmt: skip
+    found = cl.evaluate(log)
+    assert found.metrics["contour_error_rms"] < 1e-15
+    assert found.causes == ()
+    assert any("no more than rounding" in one for one in found.warnings)

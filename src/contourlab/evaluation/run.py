@@ -35,6 +35,8 @@ __all__ = ["PATHS", "evaluate"]
 PATHS = ("polyline", "spline")
 WORST = 8
 """Places that are listed."""
+ROUNDING = 1e-13
+"""Of the largest coordinate: less is what computing makes."""
 MATCH = 0.005
 """Share of the part's extent beyond which a commanded position is not on it."""
 
@@ -371,6 +373,8 @@ def _causes(
     rms = float(np.sqrt(np.nanmean(error**2)))
     if len(usable_rows(record)) < 100:
         return (), ("too few connected samples to tell where the error comes from",)
+    if rms < ROUNDING * float(np.nanmax(np.abs(log.commanded))):
+        return (), ("the contour error is no more than rounding: there is nothing to explain",)
     if resolution.floor_rms > 0.7 * rms:
         return (), (
             "where the error comes from is not looked for: it is not above what the grid of the "
