@@ -24,7 +24,8 @@ def test_conformance():
     check_estimator(FootPointEstimator(), contours=[Circle(radius=0.02)])
 
 
-@pytest.mark.slow  # compiles the search for every form of the curve
+@pytest.mark.overnight  # compiles the search for every form of the curve
+@pytest.mark.slow
 def test_conformance_from_the_last_foot_in_space():
     helix = Helix(radius=0.02, pitch=0.01, turns=1.3, axis=[0.3, 0.1, 1.0])
     check_estimator(FootPointEstimator(near="last_foot"), contours=[helix])

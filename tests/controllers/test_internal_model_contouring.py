@@ -574,6 +574,7 @@ def every_gain(limit):
     )  # fmt: skip
 
 
+@pytest.mark.overnight
 @pytest.mark.slow
 def test_conformance_of_the_pid():
     check_controller(

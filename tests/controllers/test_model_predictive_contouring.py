@@ -158,6 +158,7 @@ def test_a_law_that_does_not_arrive_says_so():
     assert any("had not arrived" in warning for warning in recording.warnings)
 
 
+@pytest.mark.overnight
 @pytest.mark.slow
 def test_many_runs_are_single_runs():
     machine = drive(friction=0.0)

@@ -52,6 +52,7 @@ def test_conformance():
     )  # fmt: skip
 
 
+@pytest.mark.overnight
 @pytest.mark.slow
 def test_conformance_of_the_axis_law():
     told = model(2, coulomb=0.3, limit=1e6)

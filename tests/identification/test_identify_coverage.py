@@ -27,6 +27,7 @@ def held(found, truth):
     return np.abs(error) < 1.0
 
 
+@pytest.mark.overnight
 @pytest.mark.slow
 def test_a_published_stage_over_many_seeds():
     """The XY stage of Meng, Lou and Zhou, counts of 1 µm and noise of half a count."""
@@ -56,6 +57,7 @@ def test_a_published_stage_over_many_seeds():
     assert 0.91 < share.mean() < 0.99
 
 
+@pytest.mark.overnight
 @pytest.mark.slow
 @pytest.mark.parametrize(("noise", "force"), [(1e-6, 0.0), (1e-6, 2.0)])
 def test_another_loop_over_many_seeds(noise, force):

@@ -110,6 +110,7 @@ def test_what_friction_at_the_input_cannot_take():
         InputFriction(axes=crossed, friction=Friction(coulomb=1.0))
 
 
+@pytest.mark.overnight
 @pytest.mark.slow
 def test_conformance():
     for machine in (cao_zhang_stage_and_scanner(), cao_zhang_emulated_stage()):

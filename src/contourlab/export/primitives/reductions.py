@@ -46,7 +46,7 @@ def neutral(op: str, dtype: Any) -> Any:
 
 
 def _split(shape: Any, axes: Any) -> tuple[list[int], list[int]]:
-    inner = sorted(a % len(shape) for a in axes) if shape else []
+    inner = sorted(int(a) % len(shape) for a in axes) if shape else []
     return [k for k in range(len(shape)) if k not in inner], inner
 
 
