@@ -260,8 +260,11 @@ def _declarations(printer: Printer, fields: Sequence[Field]) -> list[str]:
         note = comment("; ".join(notes) + (f" [{field.unit}]" if field.unit else ""))
         line = f"    {kind} {field.name}{_shape(field)};"
         if note and len(line) + len(note) >= WIDTH:
-            lines += [*textwrap.wrap(note, WIDTH - 4, initial_indent="    ",
-                                     subsequent_indent="     * "), line]  # fmt: skip
+            # the end of a comment stays beside its last word
+            whole = note.removesuffix(" */") + "\N{NO-BREAK SPACE}*/"
+            rows = textwrap.wrap(whole, WIDTH - 4, initial_indent="    ",
+                                 subsequent_indent="     * ")  # fmt: skip
+            lines += [row.replace("\N{NO-BREAK SPACE}", " ") for row in (*rows, line)]
         else:
             lines.append(f"{line} {note}" if note else line)
     return lines or ["    char unused; /* C has no empty structures */"]
@@ -279,7 +282,7 @@ def _header(
     }
     lines = [
         f"/* {law}: a control law of contourlab {contourlab.__version__}, sampled every "
-        f"{sample_time:.17g} s. Generated: do not edit. */",
+        f"{float(sample_time)!r} s. Generated: do not edit. */",
         f"#ifndef {prefix.upper()}_H", f"#define {prefix.upper()}_H", "",
         "#include <stdint.h>", "",
         "#ifdef __cplusplus", 'extern "C" {', "#endif", "",
