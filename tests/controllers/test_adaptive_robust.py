@@ -38,15 +38,13 @@ START = np.array([[0.1, 0.55], [0.3, 0.4], [0.1, 0.15], [0.02, -0.01]])
 
 
 # the derivatives of every field through the search for the foot point take long to compile
-FRAMES = [LocalTaskFrame(), pytest.param(GlobalTaskFrame(), marks=pytest.mark.slow)]
-# the law below differs in how it adapts, not in how it meets the frame
-ONE_FRAME = [
+FRAMES = [
     LocalTaskFrame(),
     pytest.param(GlobalTaskFrame(), marks=[pytest.mark.slow, pytest.mark.overnight]),
 ]
 
 
-@pytest.mark.parametrize("frame", ONE_FRAME)
+@pytest.mark.parametrize("frame", FRAMES)
 def test_the_direct_law_conforms(frame):
     check_controller(
         DirectAdaptiveRobust(
