@@ -586,6 +586,7 @@ def test_conformance_of_the_pid():
     )  # fmt: skip
 
 
+@pytest.mark.overnight
 @pytest.mark.slow
 def test_conformance_of_the_internal_model():
     """At 100 ms: inverting the axis takes second differences, whose rounding grows as 1 / T²."""

@@ -53,6 +53,7 @@ def test_conformance_in_the_plane():
     check_controller(coupled(pid(), estimator=TangentEstimator()))
 
 
+@pytest.mark.overnight
 @pytest.mark.slow
 def test_conformance_in_space_with_newton_and_sliding_mode():
     axis = IntegralSlidingMode(

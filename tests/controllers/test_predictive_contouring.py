@@ -41,6 +41,7 @@ EVERY_FIELD = {
 }  # fmt: skip
 
 
+@pytest.mark.overnight
 @pytest.mark.slow
 def test_conformance():
     told = model(2, coulomb=0.3, limit=1e6, stiffness=np.array([300.0, 200.0]))

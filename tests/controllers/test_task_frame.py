@@ -45,6 +45,7 @@ def test_conformance_in_the_plane():
     check_controller(natural(model=model(2, stiffness=np.array([30.0, 20.0]))), contour=ellipse)
 
 
+@pytest.mark.overnight
 @pytest.mark.slow
 def test_conformance_on_lines_and_circles_in_space():
     check_controller(first_order(3))

@@ -372,6 +372,7 @@ EXPECTED = {
 """Verdicts of every group, m(atched), r(elation), d(iffers), and what a note of it has to say."""
 
 
+@pytest.mark.overnight
 @pytest.mark.slow
 def test_the_whole_reproduction():
     """Every group gives the verdict that it must, for the reason that is known."""
