@@ -85,10 +85,8 @@ class BoundProportional(BoundController):
         return state["step"] == self.law.stop_at
 
 
-class Pulse(Controller):
-    """Commands 1 on axis 0 at one step, and 0 otherwise."""
-
-    at: int = static(default=3)
+class TwoVelocities(Controller):
+    """Commands the velocities of two axes."""
 
     @property
     def needs(self):
@@ -97,6 +95,12 @@ class Pulse(Controller):
     @property
     def n_axes(self):
         return 2
+
+
+class Pulse(TwoVelocities):
+    """Commands 1 on axis 0 at one step, and 0 otherwise."""
+
+    at: int = static(default=3)
 
     def bind(self, contour, sample_time):
         return BoundPulse(at=self.at)

@@ -35,7 +35,7 @@ from contourlab.machines import (
     TwoMassAxes,
 )
 
-from .loops import Proportional, line_reference, velocity_stage
+from .loops import Proportional, TwoVelocities, line_reference, velocity_stage
 
 pytestmark = pytest.mark.skipif(
     cl.export.find_compiler() is None, reason="there is no C compiler here"
@@ -181,16 +181,8 @@ def test_a_run_that_diverges_says_so_in_the_same_words(engine):
     same(one, other)
 
 
-class Away(Controller):
+class Away(TwoVelocities):
     """Runs away exponentially, faster on axis 1."""
-
-    @property
-    def needs(self):
-        return Needs(command="velocity")
-
-    @property
-    def n_axes(self):
-        return 2
 
     def bind(self, contour, sample_time):
         return BoundAway()
@@ -262,16 +254,8 @@ def test_pieces_of_one_step_give_the_same_run(engine, monkeypatch):
         assert_array_equal(whole[name], pieces[name])
 
 
-class Slow(Controller):
+class Slow(TwoVelocities):
     """Takes long over every step, for an interrupt to come in between."""
-
-    @property
-    def needs(self):
-        return Needs(command="velocity")
-
-    @property
-    def n_axes(self):
-        return 2
 
     def bind(self, contour, sample_time):
         return BoundSlow()
@@ -309,18 +293,10 @@ def test_an_interrupt_is_heard_on_the_way(engine):
     assert told[-1] < 0.5
 
 
-class Unwritable(Controller):
+class Unwritable(TwoVelocities):
     """Solves by LAPACK, draws by a typed key, or changes its state's type."""
 
     how: str = static(default="solve")
-
-    @property
-    def needs(self):
-        return Needs(command="velocity")
-
-    @property
-    def n_axes(self):
-        return 2
 
     def bind(self, contour, sample_time):
         return BoundUnwritable(how=self.how)
