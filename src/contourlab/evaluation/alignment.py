@@ -222,7 +222,8 @@ def _slid(path: Path, points: Values, rotation: Values, shift: Values) -> tuple[
 
         def across(v: Values, tangent: Values = tangent) -> Values:
             along = np.einsum("ij,ij->i", v, tangent)
-            return (v - along[:, None] * tangent).ravel()  # type: ignore[no-any-return]
+            rest: Values = v - along[:, None] * tangent
+            return rest.ravel()
 
         matrix = np.column_stack([across(column) for column in columns])
         # what cannot be told, such as a shift along a line, stays
