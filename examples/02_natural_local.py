@@ -21,7 +21,7 @@ control = np.array([[-0.03, 0.0, 0.0], [-0.018, -0.02, 2e-4], [-0.006, -0.02, -2
                     [0.006, 0.02, -2e-4], [0.018, 0.02, 2e-4], [0.03, 0.0, 0.0]])  # fmt: skip
 contours = {"figure of eight": cl.contours.FigureEight(half_sizes=(0.03, 0.03))}
 if "--all" in sys.argv:
-    from contourlab.papers.natural_local import MengHelix
+    from contourlab.papers.natural_local_runs import MengHelix
 
     contours["helix of the paper"] = MengHelix()
     contours["spline, inflection"] = cl.contours.Path.from_bezier(control[None])

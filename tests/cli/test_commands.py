@@ -10,7 +10,7 @@ import pytest
 
 from contourlab import papers
 from contourlab.export import find_compiler
-from contourlab.papers import natural_local
+from contourlab.papers import natural_local, natural_local_rows
 from contourlab.recordings import Recording
 from contourlab.reports import PaperFigure, Reproduction
 
@@ -240,7 +240,7 @@ def test_reproduce_prints_json(in_process, folder, monkeypatch):
 
     def short(progress):
         progress("natural-local", 1.0)
-        rows = tuple(natural_local.speed_row(table) for table in natural_local.TABLES)
+        rows = tuple(natural_local_rows.speed_row(table) for table in natural_local_rows.TABLES)
         return Reproduction(
             paper="natural-local", title="title", rows=rows, figures=(figure,),
             assumed=("All is assumed.",),

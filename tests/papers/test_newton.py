@@ -13,6 +13,7 @@ from contourlab.machines.published import ghaffari_three_axes, ghaffari_two_axes
 from contourlab.papers import newton as paper
 from contourlab.papers import newton_claims as claims
 from contourlab.papers import newton_runs as runs
+from contourlab.papers import newton_theorem as theorem
 from contourlab.papers import papers
 from contourlab.reports import PaperRow, reproduction_json
 
@@ -194,7 +195,7 @@ def test_a_peak_on_one_axis_is_not_hidden_by_the_other():
 def test_the_residual_is_for_two_forms():
     law = runs.sliding_mode(ghaffari_two_axes().nominal, "matched")
     with pytest.raises(cl.errors.ConfigurationError, match=r"'none' or 'corrected'.*'matched'"):
-        claims.residual(law, 2.0, "matched")
+        theorem.residual(law, 2.0, "matched")
 
 
 def test_the_order_of_magnitude_is_that_of_the_gain():
@@ -208,7 +209,7 @@ def test_the_order_of_magnitude_is_that_of_the_gain():
 
 def test_theorem_1_is_answered():
     """No error for a constant disturbance; for a sine the residual that the law states."""
-    rows = list(claims.theorem_rows())
+    rows = list(theorem.theorem_rows())
     assert [row.verdict for row in rows] == ["relation"] * 4
     assert rows[0].reproduced < 1e-6
     assert rows[1].reproduced > 1.0

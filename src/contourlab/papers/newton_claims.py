@@ -13,12 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from contourlab.contours.line import Line
 from contourlab.contours.lissajous import Lissajous
-from contourlab.controllers import Controller, IntegralSlidingMode
-from contourlab.errors import ConfigurationError
+from contourlab.controllers import Controller
 from contourlab.feedrate import constant_feed
-from contourlab.machines import Disturbance, SineDisturbance, StepDisturbance
+from contourlab.machines import Disturbance, SineDisturbance
 from contourlab.machines.published.ghaffari import (
     ghaffari_disturbance,
     ghaffari_three_axes,
@@ -38,12 +36,11 @@ from contourlab.papers.newton_runs import (
     run_case,
     sliding_mode,
 )
-from contourlab.recordings import Recording
-from contourlab.recordings.reference import Reference
+from contourlab.papers.newton_theorem import claim_row, theorem_rows
 from contourlab.reports.reproduction import PaperRow
 from contourlab.simulation import simulate, simulate_many
 
-__all__ = ["claim_rows", "parameter_spread", "residual", "space_curve", "theorem_run"]
+__all__ = ["claim_rows", "parameter_spread", "space_curve"]
 
 A, B50, B100, C = CASES
 PEAK = 2.0
@@ -54,7 +51,6 @@ SHARE = 0.3
 """By which parameters are wrong."""
 SPREAD_SAMPLE_TIME = 5e-5
 """Of the runs with wrong parameters, and of those on three axes [s]: assumed."""
-_EXPERIMENT = "claims"
 
 
 def claim_rows(
@@ -81,14 +77,6 @@ def claim_rows(
     return rows
 
 
-def _row(case: str, quantity: str, unit: str, value: float, holds: bool, note: str,
-         controller: str = "newton_cross_coupled") -> PaperRow:  # fmt: skip
-    return PaperRow(
-        experiment=_EXPERIMENT, case=case, controller=controller, quantity=quantity, unit=unit,
-        published=None, reproduced=value, verdict="relation" if holds else "differs", note=note,
-    )  # fmt: skip
-
-
 def gain_rows(outcomes: Mapping[tuple[str, str], Outcome]) -> Iterable[PaperRow]:
     """Return the order of magnitude again, with the same gain near the path on both sides.
 
@@ -109,7 +97,7 @@ def gain_rows(outcomes: Mapping[tuple[str, str], Outcome]) -> Iterable[PaperRow]
             )
         elif ratio < 10.0:
             why = ". It is less, and with the printed gains too"
-        yield _row(
+        yield claim_row(
             f"{case}; variable gain as stiff near the path", "TACE of variable gain over proposed",
             "", ratio, ratio >= 10.0,
             f"the variable-gain scheme with Gc over the guard, 1000 + 10000/s + 100 s per mm in "
@@ -131,7 +119,7 @@ def estimate_rows(outcomes: Mapping[tuple[str, str], Outcome]) -> Iterable[Paper
         ("variable gain", "variable_gain_cross_coupled"), ("k' in 1/ms", "newton_cross_coupled"),
     ):  # fmt: skip
         found = outcomes[A, law]
-        yield _row(
+        yield claim_row(
             A, "largest error of the law's own estimate", "um", found.estimate_off,
             found.estimate_off < CLOSELY * found.largest,
             "the text: in both structures the estimate closely follows the actual error; "
@@ -157,7 +145,7 @@ def estimate_rows(outcomes: Mapping[tuple[str, str], Outcome]) -> Iterable[Paper
                 )
             elif not holds:
                 note += ". Unexplained"
-            yield _row(
+            yield claim_row(
                 f"{case}; {law}", "largest error of the static estimate", "um",
                 found.static_off, holds, note,
             )  # fmt: skip
@@ -181,7 +169,7 @@ def _follows_row(case: str, law: str, found: Outcome) -> PaperRow:
         )
     elif not holds:
         note += ". Unexplained"
-    return _row(
+    return claim_row(
         f"{case}; {law}", "largest error of the law's own estimate", "um", found.estimate_off,
         holds, note,
     )  # fmt: skip
@@ -200,7 +188,7 @@ def peak_rows(outcomes: Mapping[tuple[str, str], Outcome]) -> Iterable[PaperRow]
             found = outcomes[case, law]
             pairs = zip(found.command, found.needed, strict=True)
             each = ", ".join(f"{used:.3g} against {need:.3g} V" for used, need in pairs)
-            yield _row(
+            yield claim_row(
                 f"{case}; {law}", "largest command over what the reference needs, worst axis", "",
                 found.peak, found.peak < PEAK,
                 f"by axis {each}, of the model along the reference and 0.15 V of the disturbance. "
@@ -238,7 +226,7 @@ def disturbance_rows() -> Iterable[PaperRow]:
                         ". The integral of the sliding mode removes a constant disturbance by "
                         "itself; the estimate adds a transient at the start"
                     )
-                yield _row(
+                yield claim_row(
                     f"B: h_r = 50; {kind} disturbance; (25) {estimate}",
                     "TACE without over with the disturbance estimate", "", gain, gain > 1.0, note,
                     controller,
@@ -291,105 +279,19 @@ def robustness_rows() -> Iterable[PaperRow]:
     step = f"sample time {1e3 * SPREAD_SAMPLE_TIME:g} ms"
     for k, quantity in enumerate(("contour_error_max", "contour_error_mean")):
         holds = bool(np.isfinite(new[k]) and new[k] < 0.1 * old[k])
-        yield _row(
+        yield claim_row(
             where, quantity, "um", new[k], holds,
             f"exact estimate, {step}; the variable-gain scheme: {old[k]:.3g} um, both on the "
             "sliding mode: this compares couplings, not the sliding mode. Relation: no combination "
             "is unstable and the worst stays below a tenth of the variable-gain scheme's worst, a "
             "threshold of ours",
         )  # fmt: skip
-        yield _row(
+        yield claim_row(
             f"{where}; sliding mode against the PID of A", quantity, "um", new[k],
             bool(np.isfinite(new[k]) and not new[k] >= on_pid[k]),
             f"exact estimate, {step}; the same coupling on the PID of A: {on_pid[k]:.3g} um. The "
             "text: sliding mode improves robustness to asymmetric dynamics; relation: less than on "
             "the PID",
-        )  # fmt: skip
-
-
-def theorem_run(
-    disturbances: tuple[Disturbance, ...], estimate: str, *, duration: float = 3.0
-) -> Recording:
-    """Run the sliding mode alone on axes that are to stand still.
-
-    Parameters
-    ----------
-    disturbances
-        What acts.
-    estimate
-        As :func:`~contourlab.papers.newton_runs.sliding_mode` takes it.
-    duration
-        [s].
-    """
-    machine, dt = ghaffari_two_axes(), 1e-4
-    line = Line(start=np.zeros(2), end=np.full(2, 0.01))
-    rest = np.zeros(round(duration / dt) + 1)
-    reference = Reference.along(
-        line, sample_time=dt, parameter=rest, parameter_rate=rest, parameter_acceleration=rest,
-        parameter_jerk=rest,
-    )  # fmt: skip
-    law = sliding_mode(machine.nominal, estimate)
-    return simulate(machine, law, reference, disturbances=disturbances)
-
-
-def residual(law: IntegralSlidingMode, hz: float, estimate: str) -> Any:
-    """Return |e / D| of a sine inside the boundary layer, (T) or (R) of the law, per axis [m/V].
-
-    Parameters
-    ----------
-    law
-        With the estimate's rates where there is one.
-    hz
-        Frequency [Hz].
-    estimate
-        ``"none"`` or ``"corrected"``.
-
-    Raises
-    ------
-    ConfigurationError
-        Another form of the estimate.
-    """
-    if estimate not in ("none", "corrected"):
-        raise ConfigurationError(
-            f"estimate must be 'none' or 'corrected' for a residual, got {estimate!r}"
-        )
-    s = 2j * np.pi * hz
-    inertia = np.asarray(law.model.mass) / np.asarray(law.model.gain)
-    a, b = np.asarray(law.error_rate), np.asarray(law.integral_rate)
-    kappa = np.asarray(law.disturbance_bound) / np.asarray(law.boundary_layer) + b * inertia
-    base = (s + a) * (s + b) * (s + kappa / inertia)
-    if estimate == "none":
-        return np.abs(s / base) / inertia
-    c, d = np.asarray(law.acceleration_rate), np.asarray(law.smoothing_rate)
-    return np.abs(s**2 * (s + c) / (base * (s + c) * (s + d) - d * s**4)) / inertia
-
-
-def theorem_rows() -> Iterable[PaperRow]:
-    """Return Theorem 1: a constant disturbance, and what a varying one leaves."""
-    model = ghaffari_two_axes().nominal
-    step = tuple(StepDisturbance(axis=k, amplitude=-0.15) for k in (0, 1))
-    for estimate in ("none", "corrected"):
-        error = np.asarray(theorem_run(step, estimate)["tracking_error"])
-        left = 1e6 * float(np.max(np.abs(error[-1])))
-        first = 1e6 * float(np.max(np.abs(error)))
-        yield _row(
-            f"Theorem 1: 0.15 V constant; estimate {estimate}", "tracking error after 3 s", "um",
-            left, left < 1e-6 * first,
-            f"at most {first:.3g} um before; perfect tracking, asymptotically; relation: less than "
-            "1e-6 of the largest", "integral_sliding_mode",
-        )  # fmt: skip
-        hz = 2.0
-        sine = tuple(SineDisturbance(axis=k, amplitude=0.15, frequency_hz=hz) for k in (0, 1))
-        error = np.asarray(theorem_run(sine, estimate)["tracking_error"])[-5000:]
-        top = np.max(np.abs(error), axis=0)
-        exact = 0.15 * residual(sliding_mode(model, estimate), hz, estimate)
-        ratio = float(np.max(np.abs(top / exact - 1.0)))
-        yield _row(
-            f"Theorem 1: 0.15 V at {hz:g} Hz; estimate {estimate}", "tracking error, amplitude",
-            "um", 1e6 * float(np.max(top)), ratio < 0.02,
-            "'perfect tracking' does not hold for a disturbance that varies, which the theorem "
-            f"allows: the law's residual is {1e6 * float(np.max(exact)):.4g} um; relation: that "
-            "residual within 2 %", "integral_sliding_mode",
         )  # fmt: skip
 
 
@@ -440,7 +342,7 @@ def space_rows() -> Iterable[PaperRow]:
             )
         elif ratio < 10.0:
             note += ". Unexplained"
-        yield _row(
+        yield claim_row(
             f"three axes, a Lissajous curve at {1e3 * feed:g} mm/s; estimate {estimate}",
             "TACE of the axes alone over proposed", "", ratio, ratio >= 10.0, note,
         )  # fmt: skip
