@@ -18,7 +18,7 @@ from contourlab.contours.line import Line
 from contourlab.contours.parabola import Parabola
 from contourlab.contours.path import Path
 from contourlab.contours.spiral import Spiral
-from contourlab.contours.transformations import Reversed, Stretch, Transformed
+from contourlab.contours.wrapped import Reversed, Stretch, Transformed
 from contourlab.errors import GeometryError
 from contourlab.testing.contours import check_contour
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from contourlab.configuration import as_leaf, part, real
 from contourlab.contours.base import Contour
-from contourlab.contours.transformations import by_component
+from contourlab.contours.wrapped import by_component
 from contourlab.errors import GeometryError
 from contourlab.typing import AxisVector, Count, Derivatives, Matrix, Scalar
 

@@ -19,8 +19,8 @@ from contourlab.contours.line import Line
 from contourlab.contours.parabola import Parabola
 from contourlab.contours.path import Path
 from contourlab.contours.spline import Spline
-from contourlab.contours.transformations import Reversed, Transformed
 from contourlab.contours.transformed_path import similar_path
+from contourlab.contours.wrapped import Reversed, Transformed
 from contourlab.errors import GeometryError
 from contourlab.typing import Array
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from contourlab.contours.base import Contour
 from contourlab.contours.path import Path
 from contourlab.contours.spline import Spline
-from contourlab.contours.transformations import Reversed, Stretch, Transformed
+from contourlab.contours.wrapped import Reversed, Stretch, Transformed
 from contourlab.typing import Array
 
 __all__ = ["fine_grid", "path_grid", "path_rows"]

@@ -10,8 +10,8 @@ from contourlab.contours.base import Contour
 from contourlab.contours.joints import CORNER, path_joints
 from contourlab.contours.path import Path
 from contourlab.contours.spline import Spline
-from contourlab.contours.transformations import Reversed, Stretch, Transformed
 from contourlab.contours.transformed_path import affine_path, reversed_path, stretch_of_path
+from contourlab.contours.wrapped import Reversed, Stretch, Transformed
 from contourlab.errors import GeometryError, RefusedError
 
 __all__ = ["refuse_corners"]

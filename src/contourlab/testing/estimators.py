@@ -15,7 +15,7 @@ from contourlab.contours.base import Contour
 from contourlab.contours.ellipse import Ellipse
 from contourlab.contours.helix import Helix
 from contourlab.contours.line import Line
-from contourlab.contours.transformations import Reversed, Transformed
+from contourlab.contours.wrapped import Reversed, Transformed
 from contourlab.errors import RefusedError
 from contourlab.recordings.reference import Reference
 from contourlab.recordings.sample import Sample

@@ -19,7 +19,6 @@ import os
 import re
 import warnings
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Any
 from xml.parsers import expat
 
@@ -27,7 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contourlab.contours.cad.drawing import Drawing, check_names, missing_extra
-from contourlab.contours.cad.segments import Segment, conic, curve, line
+from contourlab.contours.cad.segments import Segment
+from contourlab.contours.cad.svg_shapes import PlacedShapes
 from contourlab.contours.files import read_bytes, unit_size
 from contourlab.contours.part import Part
 from contourlab.errors import ContourlabError, PartError, UnitError
@@ -315,10 +315,10 @@ class _Reader:
     def _shape(self, tag: str, attributes: dict[str, str], matrix: Rows) -> None:
         what = f'{tag} "{attributes["id"][:80]}"' if "id" in attributes else tag
         number = self.drawing.entity(f"{what} in line {self._parser.CurrentLineNumber}")
-        for run in getattr(self, f"_{tag}")(attributes, _Placed(matrix, self._columns)):
+        for run in getattr(self, f"_{tag}")(attributes, PlacedShapes(matrix, self._columns)):
             self.drawing.add(run, number)
 
-    def _line(self, a: dict[str, str], place: _Placed) -> list[list[Segment]]:
+    def _line(self, a: dict[str, str], place: PlacedShapes) -> list[list[Segment]]:
         x1, y1, x2, y2 = (self._number(a.get(key), key, 0.0) for key in ("x1", "y1", "x2", "y2"))
         return [[place.line((x1, y1), (x2, y2))]]
 
@@ -331,14 +331,14 @@ class _Reader:
             raise PartError(f"points must be pairs, got {len(numbers)} numbers")
         return list(zip(numbers[::2], numbers[1::2], strict=True))
 
-    def _polyline(self, a: dict[str, str], place: _Placed) -> list[list[Segment]]:
+    def _polyline(self, a: dict[str, str], place: PlacedShapes) -> list[list[Segment]]:
         return [place.lines(self._points(a))]
 
-    def _polygon(self, a: dict[str, str], place: _Placed) -> list[list[Segment]]:
+    def _polygon(self, a: dict[str, str], place: PlacedShapes) -> list[list[Segment]]:
         points = self._points(a)
         return [place.lines([*points, *points[:1]])]
 
-    def _rect(self, a: dict[str, str], place: _Placed) -> list[list[Segment]]:
+    def _rect(self, a: dict[str, str], place: PlacedShapes) -> list[list[Segment]]:
         x, y = (self._number(a.get(key), key, 0.0) for key in ("x", "y"))
         w, h = (self._number(a.get(key), key, 0.0) for key in ("width", "height"))
         given = [a.get(key) if a.get(key) != "auto" else None for key in ("rx", "ry")]
@@ -362,16 +362,16 @@ class _Reader:
             run += place.conic((cx, cy), (rx, 0.0), (0.0, ry), (k - 1) * quarter, quarter)
         return [run]
 
-    def _circle(self, a: dict[str, str], place: _Placed) -> list[list[Segment]]:
+    def _circle(self, a: dict[str, str], place: PlacedShapes) -> list[list[Segment]]:
         r = self._number(a.get("r"), "r", 0.0)
         return self._whole(a, r, r, place)
 
-    def _ellipse(self, a: dict[str, str], place: _Placed) -> list[list[Segment]]:
+    def _ellipse(self, a: dict[str, str], place: PlacedShapes) -> list[list[Segment]]:
         rx, ry = (self._number(a.get(key), key, 0.0) for key in ("rx", "ry"))
         return self._whole(a, rx, ry, place)
 
     def _whole(
-        self, a: dict[str, str], rx: float, ry: float, place: _Placed
+        self, a: dict[str, str], rx: float, ry: float, place: PlacedShapes
     ) -> list[list[Segment]]:
         cx, cy = (self._number(a.get(key), key, 0.0) for key in ("cx", "cy"))
         if min(rx, ry) < 0.0:
@@ -380,7 +380,7 @@ class _Reader:
             return []
         return [place.conic((cx, cy), (rx, 0.0), (0.0, ry), 0.0, 2.0 * math.pi)]
 
-    def _path(self, a: dict[str, str], place: _Placed) -> list[list[Segment]]:
+    def _path(self, a: dict[str, str], place: PlacedShapes) -> list[list[Segment]]:
         data = a.get("d", "")
         rest = _NUMBER.sub(" ", data)
         if not set(rest) <= _COMMANDS:
@@ -403,63 +403,3 @@ class _Reader:
             runs[-1] += place.piece(piece)
             last = piece.end
         return [run for run in runs if run]
-
-
-class _Placed:
-    """Segments in metres from coordinates in user units."""
-
-    def __init__(self, matrix: Rows, columns: tuple[int, ...]) -> None:
-        self._turn = np.zeros((3, 2))
-        self._turn[list(columns)] = matrix[:2, :2]
-        self._shift = np.zeros(3)
-        self._shift[list(columns)] = matrix[:2, 2]
-
-    def vector(self, xy: Any) -> Rows:
-        return self._turn @ np.asarray(xy, float)  # type: ignore[no-any-return]
-
-    def point(self, xy: Any) -> Rows:
-        return self.vector(xy) + self._shift
-
-    def line(self, start: Any, end: Any) -> Segment:
-        return line(self.point(start), self.point(end))
-
-    def lines(self, points: Sequence[Any]) -> list[Segment]:
-        placed = [self.point(xy) for xy in points]
-        return [line(a, b) for a, b in pairwise(placed)]
-
-    def conic(
-        self, center: Any, first: Any, second: Any, start: float, sweep: float
-    ) -> list[Segment]:
-        a, b = self.vector(first), self.vector(second)
-        if not np.linalg.norm(np.cross(a, b)) > 1e-9 * np.linalg.norm(a) * np.linalg.norm(b):
-            raise PartError("a transformation makes an arc flat")
-        return conic(self.point(center), a, b, start, sweep)
-
-    def piece(self, piece: Any) -> list[Segment]:
-        """Return what svgpathtools made of a command of a path."""
-        kind = type(piece).__name__
-        if kind == "Arc":
-            return self._arc(piece)
-        points = np.array([self.point((p.real, p.imag)) for p in piece.bpoints()])
-        if kind == "Line":
-            return [line(points[0], points[1])]
-        return [curve(np.concatenate([points, np.ones((len(points), 1))], axis=1))]
-
-    def _arc(self, piece: Any) -> list[Segment]:
-        turn = math.radians(float(piece.rotation))
-        rx, ry = float(piece.radius.real), float(piece.radius.imag)
-        first = (rx * math.cos(turn), rx * math.sin(turn))
-        second = (-ry * math.sin(turn), ry * math.cos(turn))
-        center = (piece.center.real, piece.center.imag)
-        start, sweep = math.radians(float(piece.theta)), math.radians(float(piece.delta))
-        if not all(map(math.isfinite, (*first, *second, *center, start, sweep))) or sweep == 0.0:
-            raise PartError("an arc of the path has no centre")
-        run = self.conic(center, first, second, start, sweep)
-        ends = [self.point((p.real, p.imag)) for p in (piece.start, piece.end)]
-        # the path's own ends, which the centre gives to rounding only
-        most = 1e-9 * (abs(rx) + abs(ry) + abs(piece.center)) * float(np.abs(self._turn).max())
-        if len(run) == 1 and abs(abs(sweep) - 2.0 * math.pi) > 1e-9:
-            return [run[0].moved(ends[0], ends[1], most)]
-        run[0] = run[0].moved(ends[0], run[0].end, most)
-        run[-1] = run[-1].moved(run[-1].start, ends[1], most)
-        return run
