@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import tomllib
 from pathlib import Path as FilePath
-from typing import Any, NoReturn
+from typing import Any
 
 import pydantic
 
 from contourlab.controllers.base import Controller
-from contourlab.errors import ContourlabError, ScenarioError, TravelError, UnitError, choices
+from contourlab.errors import ContourlabError, ScenarioError, TravelError
 from contourlab.machines import Machine
 from contourlab.recordings.reference import Reference
 from contourlab.scenarios.axes_path import in_axes
@@ -23,6 +23,7 @@ from contourlab.scenarios.build import (
 from contourlab.scenarios.locate import Key, line_of
 from contourlab.scenarios.machine import build_machine
 from contourlab.scenarios.part_files import file_kind, options_of
+from contourlab.scenarios.refusal import dotted, refuse
 from contourlab.scenarios.scenario import Scenario, Setup
 from contourlab.scenarios.schema import MachineSection, PartSection, ScenarioSections
 from contourlab.scenarios.values import KeyedError
@@ -129,11 +130,13 @@ def _from_raw(
         sections = ScenarioSections.model_validate(raw)
         return _build(sections, labels, said + text, name, folder)
     except pydantic.ValidationError as error:
-        _refuse(error, text, name, single=single)
+        refuse(
+            error, ScenarioSections, text, name, written=lambda key: _written(key, single=single)
+        )
     except KeyedError as error:
         key = _written(error.key, single=single)
         raise ScenarioError(
-            error.message, file=name, line=line_of(text, key), key=_dotted(key)
+            error.message, file=name, line=line_of(text, key), key=dotted(key)
         ) from error
 
 
@@ -158,7 +161,7 @@ def _machine_list(raw: dict[str, Any], text: str, file: str) -> tuple[bool, list
         elif label in labels:
             wrong = f"{label!r} stands already; give each machine a label of its own"
         if wrong and ("label" in table or isinstance(label, str)):
-            raise ScenarioError(wrong, file=file, line=line_of(text, key), key=_dotted(key))
+            raise ScenarioError(wrong, file=file, line=line_of(text, key), key=dotted(key))
         labels.append(str(label))
     return single, labels
 
@@ -265,51 +268,3 @@ def _written(key: Key, *, single: bool) -> Key:
     if single and key[:1] == ("machine",) and len(key) > 1 and isinstance(key[1], int):
         return (key[0], *key[2:])
     return key
-
-
-def _dotted(key: Key) -> str:
-    text = ""
-    for item in key:
-        text += f"[{item}]" if isinstance(item, int) else f".{item}" if text else str(item)
-    return text
-
-
-def _refuse(error: pydantic.ValidationError, text: str, name: str, *, single: bool) -> NoReturn:
-    first = error.errors(include_url=False)[0]
-    key = _written(tuple(first["loc"]), single=single)
-    kind, message = first["type"], first["msg"]
-    if kind == "extra_forbidden":
-        message = f"unknown key; {choices(key[-1], _allowed(key))}"
-    elif kind == "missing":
-        message = "is missing"
-    elif kind == "value_error":
-        cause = first.get("ctx", {}).get("error")
-        message = str(cause)
-        if isinstance(cause, UnitError):
-            message = message.removeprefix("value must be").removeprefix("value = ").strip()
-            message = message if message.startswith(("'", '"')) else f"must be {message}"
-    else:
-        message = f"{message[0].lower()}{message[1:]}, got {first['input']!r}"
-    more = error.error_count() - 1
-    if more:
-        message += f" (and {more} more mistake{'s' if more > 1 else ''})"
-    raise ScenarioError(message, file=name, line=line_of(text, key), key=_dotted(key)) from error
-
-
-def _allowed(key: Key) -> list[str]:
-    """Return the keys that may stand beside an unknown one."""
-    model: Any = ScenarioSections
-    for item in key[:-1]:
-        if isinstance(item, int):
-            continue
-        field = model.model_fields.get(item)
-        if field is None:
-            return []
-        annotation = field.annotation
-        for candidate in (annotation, *getattr(annotation, "__args__", ())):
-            inner = (candidate, *getattr(candidate, "__args__", ()))
-            found = [c for c in inner if isinstance(c, type) and issubclass(c, pydantic.BaseModel)]
-            if found:
-                model = found[0]
-                break
-    return list(model.model_fields)

@@ -100,8 +100,9 @@ def dotted(key: Key) -> str:
 
 
 def refuse(
-    error: pydantic.ValidationError, model: type[pydantic.BaseModel], text: str, name: str
-) -> NoReturn:
+    error: pydantic.ValidationError, model: type[pydantic.BaseModel], text: str, name: str,
+    written: Callable[[Key], Key] | None = None,
+) -> NoReturn:  # fmt: skip
     """Raise a ScenarioError that says the first mistake.
 
     Parameters
@@ -114,6 +115,8 @@ def refuse(
         The file's text.
     name
         What to call the file.
+    written
+        From the key of what was checked to that in the file, where they differ.
 
     Raises
     ------
@@ -122,6 +125,8 @@ def refuse(
     """
     first = error.errors(include_url=False)[0]
     key = tuple(first["loc"])
+    if written is not None:
+        key = written(key)
     kind, message = first["type"], first["msg"]
     if kind == "extra_forbidden":
         message = f"unknown key; {choices(key[-1], allowed_keys(model, key))}"
