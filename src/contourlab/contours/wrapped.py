@@ -15,7 +15,7 @@ from contourlab.contours.level import Level, transformed_level
 from contourlab.contours.placed import first_row
 from contourlab.typing import Array, AxisVector, Count, Derivatives, Scalar
 
-__all__ = ["Reversed", "Stretch", "Transformed"]
+__all__ = ["Reversed", "Stretch", "Transformed", "WrappedContour"]
 
 
 def by_component(rows: Array, matrix: Array) -> Array:
@@ -44,17 +44,10 @@ def similarity_factor(matrix: Array) -> Scalar:
     return jnp.sqrt(jnp.sum(matrix * matrix) / matrix.shape[-1])
 
 
-class Transformed(Contour):
-    """Another contour after ``x -> matrix x + offset``, over the same parameter.
-
-    Made by :meth:`Contour.translated`, :meth:`Contour.rotated` and :meth:`Contour.scaled`.
-    """
+class WrappedContour(Contour):
+    """A contour made of another one, over the same parameter; by itself the same as that."""
 
     inner: Contour = part()
-    matrix: Float[Array, "n_axes n_axes_"] = real(ndim=2)
-    offset: Float[Array, " n_axes"] = real(unit="m", ndim=1)
-    similarity: bool = static(flag=True)
-    """Whether the matrix is known to be a rotation or reflection times a factor."""
 
     @property
     def n_axes(self) -> int:
@@ -70,6 +63,81 @@ class Transformed(Contour):
     def closed(self) -> bool:
         """Whether the other contour is."""
         return self.inner.closed
+
+    def position(self, parameter: Scalar, piece: Count | None = None) -> AxisVector:
+        """Return the point at one parameter, shape (n_axes,) [m].
+
+        Parameters
+        ----------
+        parameter
+            One scalar.
+        piece
+            As from ``locate``.
+        """
+        return self.inner.position(parameter, piece)
+
+    def derivatives(self, parameter: Scalar, order: int, piece: Count | None = None) -> Derivatives:
+        """Return the point and its derivatives over the parameter.
+
+        Parameters
+        ----------
+        parameter
+            One scalar.
+        order
+            Highest derivative, >= 0; static.
+        piece
+            As from ``locate``.
+        """
+        return self.inner.derivatives(parameter, order, piece)
+
+    def locate(self, parameter: Scalar, piece: Count) -> Count:
+        """Return the piece of the other contour that holds a parameter.
+
+        Parameters
+        ----------
+        parameter
+            One scalar.
+        piece
+            Where to start, int32.
+        """
+        return self.inner.locate(parameter, piece)
+
+    def arc_length(self, start: Scalar, end: Scalar) -> Scalar:
+        """Return the length between two parameters [m].
+
+        Parameters
+        ----------
+        start, end
+            Parameters.
+        """
+        return self.inner.arc_length(start, end)
+
+    @property
+    def has_level(self) -> bool:
+        """Whether the other contour has one."""
+        return self.inner.has_level
+
+    def level_derivatives(self, position: AxisVector) -> Level:
+        """Return the other contour's implicit form and its derivatives.
+
+        Parameters
+        ----------
+        position
+            Shape (2,) [m].
+        """
+        return self.inner.level_derivatives(position)
+
+
+class Transformed(WrappedContour):
+    """Another contour after ``x -> matrix x + offset``, over the same parameter.
+
+    Made by :meth:`Contour.translated`, :meth:`Contour.rotated` and :meth:`Contour.scaled`.
+    """
+
+    matrix: Float[Array, "n_axes n_axes_"] = real(ndim=2)
+    offset: Float[Array, " n_axes"] = real(unit="m", ndim=1)
+    similarity: bool = static(flag=True)
+    """Whether the matrix is known to be a rotation or reflection times a factor."""
 
     def position(self, parameter: Scalar, piece: Count | None = None) -> AxisVector:
         """Return the point at one parameter, shape (n_axes,) [m].
@@ -98,16 +166,6 @@ class Transformed(Contour):
         rows, matrix = self.inner.derivatives(parameter, order, piece), jnp.asarray(self.matrix)
         return by_component(rows, matrix) + first_row(order) * self.offset
 
-    def locate(self, parameter: Scalar, piece: Count) -> Count:
-        """Return the piece of the other contour that holds a parameter.
-
-        Parameters
-        ----------
-        parameter, piece
-            As of the other contour.
-        """
-        return self.inner.locate(parameter, piece)
-
     def wrap(self, parameter: Scalar) -> Scalar:
         """Return the parameter inside the domain.
 
@@ -129,13 +187,8 @@ class Transformed(Contour):
             Parameters.
         """
         if not self.similarity:
-            return super().arc_length(start, end)
+            return Contour.arc_length(self, start, end)
         return similarity_factor(self.matrix) * self.inner.arc_length(start, end)
-
-    @property
-    def has_level(self) -> bool:
-        """Whether the other contour has one."""
-        return self.inner.has_level
 
     def level_derivatives(self, position: AxisVector) -> Level:
         """Return the other contour's implicit form at the position taken back, and its derivatives.
@@ -152,29 +205,12 @@ class Transformed(Contour):
         return transformed_level(level, inverse, jnp.sign(determinant))
 
 
-class Reversed(Contour):
+class Reversed(WrappedContour):
     """Another contour run from its end to its start, over the same domain.
 
     Made by :meth:`Contour.reversed`. At a kink in the other contour the derivatives are left-sided;
     a path is reversed piece by piece instead, and stays right-sided.
     """
-
-    inner: Contour = part()
-
-    @property
-    def n_axes(self) -> int:
-        """Of the other contour."""
-        return self.inner.n_axes
-
-    @property
-    def domain(self) -> tuple[Scalar, Scalar]:
-        """Of the other contour."""
-        return self.inner.domain
-
-    @property
-    def closed(self) -> bool:
-        """Whether the other contour is."""
-        return self.inner.closed
 
     def _mirrored(self, parameter: Scalar) -> Scalar:
         start, end = self.inner.domain
@@ -229,11 +265,6 @@ class Reversed(Contour):
         """
         return self.inner.arc_length(self._mirrored(end), self._mirrored(start))
 
-    @property
-    def has_level(self) -> bool:
-        """Whether the other contour has one."""
-        return self.inner.has_level
-
     def level_derivatives(self, position: AxisVector) -> Level:
         """Return the other contour's implicit form with the other sign, and its derivatives.
 
@@ -245,20 +276,14 @@ class Reversed(Contour):
         return transformed_level(self.inner.level_derivatives(position), jnp.eye(2), -1.0)
 
 
-class Stretch(Contour):
+class Stretch(WrappedContour):
     """A stretch of another contour, open, over the same parameter.
 
     Made by :meth:`Contour.between`.
     """
 
-    inner: Contour = part()
     start: Float[Array, " ..."] = real(ndim=0)
     end: Float[Array, " ..."] = real(ndim=0)
-
-    @property
-    def n_axes(self) -> int:
-        """Of the other contour."""
-        return self.inner.n_axes
 
     @property
     def domain(self) -> tuple[Scalar, Scalar]:
@@ -269,66 +294,3 @@ class Stretch(Contour):
     def closed(self) -> bool:
         """Never."""
         return False
-
-    def position(self, parameter: Scalar, piece: Count | None = None) -> AxisVector:
-        """Return the point at one parameter, shape (n_axes,) [m].
-
-        Parameters
-        ----------
-        parameter
-            Of the other contour.
-        piece
-            As from ``locate``.
-        """
-        return self.inner.position(parameter, piece)
-
-    def derivatives(self, parameter: Scalar, order: int, piece: Count | None = None) -> Derivatives:
-        """Return the point and its derivatives over the parameter.
-
-        Parameters
-        ----------
-        parameter
-            Of the other contour.
-        order
-            Highest derivative, >= 0; static.
-        piece
-            As from ``locate``.
-        """
-        return self.inner.derivatives(parameter, order, piece)
-
-    def locate(self, parameter: Scalar, piece: Count) -> Count:
-        """Return the piece of the other contour that holds a parameter.
-
-        Parameters
-        ----------
-        parameter
-            One scalar.
-        piece
-            Where to start, int32.
-        """
-        return self.inner.locate(parameter, piece)
-
-    def arc_length(self, start: Scalar, end: Scalar) -> Scalar:
-        """Return the length between two parameters [m].
-
-        Parameters
-        ----------
-        start, end
-            Parameters.
-        """
-        return self.inner.arc_length(start, end)
-
-    @property
-    def has_level(self) -> bool:
-        """Whether the other contour has one."""
-        return self.inner.has_level
-
-    def level_derivatives(self, position: AxisVector) -> Level:
-        """Return the other contour's implicit form and its derivatives.
-
-        Parameters
-        ----------
-        position
-            Shape (2,) [m].
-        """
-        return self.inner.level_derivatives(position)
