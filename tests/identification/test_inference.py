@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.signal import lfilter
+from scipy.stats import kstest
+from scipy.stats import t as student
 
-from contourlab.identification.inference import fit, long_run_covariance
+from contourlab.identification.inference import corrected_covariance, fit, long_run_covariance
 
 
 def test_the_long_run_covariance_of_a_coloured_series():
@@ -65,3 +67,55 @@ def test_noise_in_the_regressor_does_not_bias_with_an_instrument(noisy):
     found = fit(seen, 3.0 * true[:, 0], seen if noisy else true, np.ones(40000), 12)
     # errors in variables: S / (S + σ²) = 0.5 / 1.5
     assert_allclose(found.estimate, [1.0 if noisy else 3.0], rtol=0.05)
+
+
+def corrected(y, z, e, cosines):
+    """Estimate of 0, the covariance of the scores alone and the corrected one, degrees."""
+    n = len(y)
+    inverse = np.linalg.inv(z.T @ y)
+    estimate = inverse @ (z.T @ e)
+    left = e - y @ estimate
+    plain = inverse @ long_run_covariance(z * left[:, None], cosines) @ inverse.T
+    found = corrected_covariance(plain, inverse, y, z, left, np.arange(n), n, cosines)
+    return estimate, plain, *found
+
+
+def test_white_noise_gives_exactly_students_t_whatever_the_motion():
+    """Four parameters, two of which act in one direction each, six cosines over six turns."""
+    rng = np.random.default_rng(6)
+    n, cosines, draws = 240, 6, 1500
+    t = np.arange(n) / n
+    way = np.sign(np.sin(2.0 * np.pi * 3.2 * t + 0.3))
+    y = np.column_stack([way > 0.0, way < 0.0, np.sin(7.0 * t) * way, t]).astype(float)
+    z = y + 0.1 * rng.standard_normal(y.shape)  # which knows of no draw
+    found = [corrected(y, z, e, cosines) for e in rng.standard_normal((draws, n))]
+    assert {one[3] for one in found} == {cosines}
+    variance, plain = (np.array([np.diagonal(one[k]) for one in found]) for k in (2, 1))
+    inverse = np.linalg.inv(z.T @ y)
+    exact = np.diagonal(inverse @ z.T @ z @ inverse.T)
+    # the mean of 1500 chi-squares of 6 degrees, over 6: deviation √(2/6/1500) = 1.5 %
+    assert_allclose(variance.mean(axis=0), exact, rtol=0.06)
+    t_values = np.array([one[0] for one in found]) / np.sqrt(variance)
+    assert all(kstest(row, student(cosines).cdf).pvalue > 1e-3 for row in t_values.T)
+    assert np.all(plain.mean(axis=0) < 0.9 * exact)  # what the correction is for
+
+
+def test_on_a_long_record_that_repeats_nothing_needs_correction():
+    """The residual is coloured, and its size rises threefold over the record."""
+    rng = np.random.default_rng(7)
+    n, cosines = 40_000, 6
+    t = np.arange(n)
+    y = np.column_stack([np.sin(t / 7.0), np.sign(np.sin(t / 50.0)), np.ones(n)])
+    e = lfilter([1.0], [1.0, -0.9], rng.standard_normal(n) * (1.0 + 2.0 * t / n))
+    _, plain, found, degrees = corrected(y, y, e, cosines)
+    assert degrees == cosines
+    assert_allclose(np.diagonal(found), np.diagonal(plain), rtol=0.01)
+
+
+def test_cosines_that_fitting_takes_out_are_no_degrees_of_freedom():
+    """The parameters are those of the first two cosines themselves."""
+    rng = np.random.default_rng(8)
+    turns = np.pi * (np.arange(300) + 0.5) / 300
+    y = np.cos(turns[:, None] * np.arange(3))
+    # of a constant, fitting takes out the first two of five cosines
+    assert corrected(y, y, rng.standard_normal(300), 5)[3] == 3

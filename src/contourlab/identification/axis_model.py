@@ -87,8 +87,12 @@ class Found(NamedTuple):
         none = np.full(n, np.nan)
         refined, judged = self.refined, self.judged
         names = [name for name in MODEL_PARAMETERS if name != "drive_lag" or self.options.drive_lag]
-        quantile = float(student.ppf(0.5 + 0.5 * self.options.confidence, signals.cosines))
-        from_start = self._of_start(names, quantile)
+        degrees = signals.cosines if refined is None else refined.degrees
+        of_start, quantile = (
+            float(student.ppf(0.5 + 0.5 * self.options.confidence, count))
+            for count in (signals.cosines, degrees)
+        )
+        from_start = self._of_start(names, of_start)
         parameters = {name: self._parameter(name, np.nan, np.nan) for name in names}
         if refined is not None and judged is not None:
             spread = np.sqrt(np.diagonal(refined.covariance))
@@ -128,7 +132,7 @@ class Found(NamedTuple):
             astray=self.astray,
             covariance=np.zeros((0, 0)) if refined is None else refined.covariance,
             free=self.names, unexcited=unexcited,
-            inseparable=inseparable, degrees=signals.cosines,
+            inseparable=inseparable, degrees=degrees,
             minimum_speed=signals.minimum_speed if self.speed is None else self.speed,
             speed=float(np.abs(velocity).max()),
             acceleration=float(np.abs(rate).max()), counted=counted,

@@ -21,6 +21,25 @@ encoder noise is differenced twice, its spectrum at the motion's frequency is a 
 above, and Bartlett's window leaks from there: with 1.3 √n lags intervals were nine to thirty times
 too wide. B is kept below the number of reversals, so that the cosines are slower than the motion.
 
+**What fitting takes out.** The parameters are fitted to the residual that the scores are made of,
+and take out of every p_j what they explain of it. With v = Z aᵀ, a the row of A of one parameter,
+
+    θ̂ - θ = v · e,    p_j = g_j · e,    g_j = Mᵀ (√2 c_j v),    M = 1 - Y A Zᵀ                   (4)
+
+with e the residual of the true parameters and c_j the cosine (weights are in Z). Were Zᵀ Y gathered
+evenly over the record, M would leave √2 c_j v as it is, whose length is that of v: that is (3). But
+of five parameters and a dozen reversals, with one direction in every other stretch, cosines turn
+nearly as often as what the parameters act on. The g_j then keep little more than half of their
+squares, and (3) is as much too small. Where the residual is white or was made so, take instead
+
+    s² = |v|² Σ_j (q_j · e)² / B                                                             (5)
+
+with q_j an orthonormal basis of the g_j less what they have of v. For a white normal e, s² has the
+mean |v|² σ² of (θ̂ - θ)², knows nothing of it, and (θ̂ - θ) / s is Student's t with B degrees of
+freedom *exactly*, whatever the motion. On a long record of a motion that repeats (5) is (3), and
+stands what (3) stands. Of filtered signals, whose noise grows steeply with frequency, (5) would be
+too wide (half as wide again, or three times): :func:`fit` keeps (3).
+
 A force that is white, or forgets itself sooner than the fastest of the cosines turns (2 n / B
 samples), is covered by the interval. An error of the *model* is not: it is a bias.
 
@@ -33,13 +52,17 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
 
-__all__ = ["Fit", "fit", "long_run_covariance"]
+__all__ = ["Fit", "corrected_covariance", "fit", "long_run_covariance"]
+
+NOTHING = 1e-10
+"""Share of its square below which a g_j counts as nothing: what is left then is rounding."""
 
 
 class Fit(NamedTuple):
@@ -66,6 +89,60 @@ def long_run_covariance(scores: NDArray[Any], cosines: int) -> NDArray[Any]:
     # SciPy's type II has a factor 2
     projected = dct(scores, type=2, axis=0)[1 : cosines + 1] / np.sqrt(2.0)
     return projected.T @ projected / cosines  # type: ignore[no-any-return]  # (2)
+
+
+def corrected_covariance(
+    covariance: NDArray[Any], inverse: NDArray[Any], regressors: NDArray[Any],
+    instruments: NDArray[Any], residual: NDArray[Any], instants: NDArray[Any], samples: int,
+    cosines: int, project: Callable[[NDArray[Any]], NDArray[Any]] | None = None,
+) -> tuple[NDArray[Any], int]:  # fmt: skip
+    """Return (3) with the variances of (5), and their degrees of freedom.
+
+    Parameters
+    ----------
+    covariance
+        (3), whose correlations stay.
+    inverse
+        A, shape (p, p).
+    regressors, instruments
+        Y and Z, weights and projections included, shape (n_rows, p) each.
+    residual
+        e, shape (n_rows,).
+    instants
+        Which sample of the record each row is, shape (n_rows,).
+    samples
+        Of the record.
+    cosines
+        B.
+    project
+        The symmetric projection that Y, Z and e went through, for rows of shape (n_rows, k); none
+        if None.
+
+    Returns
+    -------
+    tuple
+        Shape (p, p), and B or, if of the g_j of some parameter fewer are independent, as many.
+    """
+    turns = np.pi / samples * (np.asarray(instants, float) + 0.5)
+    turn = np.sqrt(2.0) * np.cos(turns[:, None] * np.arange(1, cosines + 1))
+    products, along = [], []
+    for v in (instruments @ inverse.T).T:
+        g = v[:, None] * turn
+        g -= instruments @ (inverse.T @ (regressors.T @ g))  # (4)
+        if project is not None:
+            g = project(g)
+        size = v @ v
+        shared = v @ g / size
+        products.append((g.T @ g) / size - np.outer(shared, shared))
+        along.append(residual @ g - (residual @ v) * shared)
+    values, vectors = np.linalg.eigh(products)
+    degrees = max(1, int(np.sum(values > NOTHING, axis=1).min()))
+    values, vectors = values[:, -degrees:], vectors[:, :, -degrees:]
+    inner = np.einsum("pjk,pj->pk", vectors, along)
+    variance = np.mean(inner**2 / values, axis=1)  # (5)
+    had = np.diagonal(covariance)
+    share = np.sqrt(variance / np.where(had > 0.0, had, np.inf))  # of a perfect fit nothing is left
+    return covariance * np.outer(share, share), degrees
 
 
 def fit(

@@ -34,13 +34,14 @@ References
 
 from __future__ import annotations
 
+import functools
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, lfilter
 
-from contourlab.identification.inference import long_run_covariance
+from contourlab.identification.inference import corrected_covariance, long_run_covariance
 from contourlab.identification.pieces import Pieces
 from contourlab.identification.simulated_response import MODEL_PARAMETERS, respond
 
@@ -88,6 +89,8 @@ class Refined(NamedTuple):
     gram: Rows
     """Mean products of the derivatives in (1), shape (p, p)."""
     converged: bool
+    degrees: int
+    """Of freedom of the covariance."""
 
 
 def refine(
@@ -133,8 +136,9 @@ def refine(
     there = pieces.counts > 0.0
     for row, values in zip(series, (found.error, found.position, found.whitened), strict=True):
         row[pieces.rows[there]] = values[there]
+    covariance, degrees = _corrected(found, pieces, n, cosines)
     return Refined(
-        theta, found.covariance, series[0], series[1], series[2], corner, found.gram, converged
+        theta, covariance, series[0], series[1], series[2], corner, found.gram, converged, degrees
     )
 
 
@@ -190,6 +194,14 @@ class _Linearised(NamedTuple):
     whitened: Rows
     gram: Rows
     by_start: Rows
+    y: Rows
+    z: Rows
+    inverse: Rows
+    """Of what z and y make together; columns of size 1, as y and z."""
+    sizes: Rows
+    """Of the columns of y."""
+    startless: Any
+    """P."""
 
     @property
     def size(self) -> float:
@@ -212,16 +224,20 @@ def _driven(
     return response, wanted
 
 
+@functools.cache
+def _high_pass(corner: float) -> tuple[Rows, Rows]:
+    """Numerator and denominator of (2); to design it takes longer than to use it."""
+    top, bottom = butter(2, corner, "highpass")
+    return top / top[0], bottom
+
+
 def _filtered(rows: Rows, corner: float) -> Rows:
     """L along the second dimension, from rest."""
-    if corner == 0.0:
-        return rows
-    top, bottom = butter(2, corner, "highpass")
-    return np.asarray(lfilter(top / top[0], bottom, rows, axis=1))  # (2)
+    return rows if corner == 0.0 else np.asarray(lfilter(*_high_pass(corner), rows, axis=1))
 
 
-def _projection(by_start: Rows, pieces: Pieces, corner: float) -> Any:
-    """Return P L as a function of rows of the pieces."""
+def _startless(by_start: Rows, pieces: Pieces, corner: float) -> Any:
+    """Return P as a function of filtered rows of the pieces."""
     counts = pieces.counts
     columns = _filtered(by_start[None], corner)
     size = np.linalg.norm(columns, axis=(0, 1))
@@ -229,11 +245,17 @@ def _projection(by_start: Rows, pieces: Pieces, corner: float) -> Any:
 
     def project(rows: Rows) -> Rows:
         extra = (slice(None),) * 2 + (None,) * (rows.ndim - 2)
-        x = _filtered(rows, corner) * counts[extra]
+        x = rows * counts[extra]
         inner = np.einsum("nls,nl...->ns...", q, x)
         return np.asarray((x - np.einsum("nls,ns...->nl...", q, inner)) * counts[extra])
 
     return project
+
+
+def _projection(by_start: Rows, pieces: Pieces, corner: float) -> Any:
+    """Return P L as a function of rows of the pieces."""
+    startless = _startless(by_start, pieces, corner)
+    return lambda rows: startless(_filtered(rows, corner))
 
 
 def _corner(error: Rows, by_start: Rows, pieces: Pieces) -> float:
@@ -248,7 +270,11 @@ def _linearised(
     sample_time: float, corner: float, cosines: int,
 ) -> _Linearised:  # fmt: skip
     response, wanted = _driven(theta, measured, pieces, sample_time)
-    project = _projection(response.by_start, pieces, corner)
+    startless = _startless(response.by_start, pieces, corner)
+
+    def project(rows: Rows) -> Rows:
+        return np.asarray(startless(_filtered(rows, corner)))
+
     error = wanted - response.position
     left = project(error)
     y = project(response.by_parameters[:, :, at])
@@ -268,8 +294,22 @@ def _linearised(
     gram = np.einsum("nlp,nlq->pq", z, z) * np.outer(sizes[1], sizes[1]) / pieces.counts.sum()
     scale = np.outer(sizes[0], sizes[0])
     return _Linearised(
-        step / sizes[0], spread / scale, error, response.position, left, gram, response.by_start
-    )
+        step / sizes[0], spread / scale, error, response.position, left, gram, response.by_start,
+        y, z, inverse, sizes[0], startless,
+    )  # fmt: skip
+
+
+def _corrected(found: _Linearised, pieces: Pieces, samples: int, cosines: int) -> tuple[Rows, int]:
+    """Return the covariance with what fitting takes out of the scores, starts included."""
+    shape = found.y.shape[:2]
+    residual = found.whitened - found.y @ (found.step * found.sizes)
+    scale = np.outer(found.sizes, found.sizes)
+    covariance, degrees = corrected_covariance(
+        found.covariance * scale, found.inverse, found.y.reshape(-1, found.y.shape[2]),
+        found.z.reshape(-1, found.z.shape[2]), residual.ravel(), pieces.rows.ravel(), samples,
+        cosines, lambda rows: found.startless(rows.reshape(*shape, -1)).reshape(len(rows), -1),
+    )  # fmt: skip
+    return covariance / scale, degrees
 
 
 def _moved(theta: Rows, at: Rows, step: Rows) -> Rows:
