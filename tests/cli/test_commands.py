@@ -80,6 +80,30 @@ def test_compare_without_output_prints_a_table_and_writes_nothing(folder, in_pro
     assert sorted(folder.iterdir()) == before
 
 
+THREE = """
+[[controller]]
+name = "corners"
+type = "first_order_task_frame"
+bandwidth_hz = [15, 60]
+"""
+
+
+def test_a_law_that_is_refused_has_a_row_and_the_others_run(folder, in_process):
+    (folder / "s.toml").write_text(SCENARIO.replace("[simulation]", f"{THREE}\n[simulation]"))
+    status, out, errors = in_process("compare", "s.toml")
+    assert status == 0, errors
+    assert "corners refused: FirstOrderTaskFrame" in out
+    assert "fast" in out
+    status, _, errors = in_process("simulate", "s.toml", "--controller", "corners")
+    assert status == 2
+    assert "s.toml:16: controller[2]: FirstOrderTaskFrame" in errors
+    start, end = SCENARIO.index("[[controller]]"), SCENARIO.index("[simulation]")
+    (folder / "s.toml").write_text(SCENARIO[:start] + THREE + SCENARIO[end:])
+    status, _, errors = in_process("compare", "s.toml")
+    assert status == 2
+    assert "s.toml:8: controller[0]: FirstOrderTaskFrame" in errors
+
+
 def test_simulate_one_of_several(folder, in_process):
     status, _, errors = in_process("simulate", "s.toml", "--json")
     assert status == 2

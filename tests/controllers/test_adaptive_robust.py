@@ -226,7 +226,7 @@ def test_what_the_laws_cannot_take_is_refused():
         mass=np.ones(3), viscous=np.ones(3), coulomb=np.ones(3), gain=np.ones(3),
         command_limit=np.ones(3), command="force",
     )  # fmt: skip
-    with pytest.raises(ConfigurationError, match="two axes in a plane, the model has 3"):
+    with pytest.raises(RefusedError, match="two axes in a plane, the model has 3"):
         DirectAdaptiveRobust(**(GAINS | {"model": spatial}))
     corner = Path.join(
         [Line(start=(0.0, 0.0), end=(0.1, 0.0)), Line(start=(0.1, 0.0), end=(0.1, 0.1))]

@@ -301,5 +301,5 @@ def test_stiffness_is_fed_forward_and_placed_with_the_poles():
         assert_allclose(np.sort_complex(found), np.sort_complex(wanted), rtol=1e-9)
     with pytest.raises(ConfigurationError, match="own stiffness is more than the poles ask for"):
         AxisPid.by_pole_placement(model(stiffness=[1e6, 0.0]), 10.0)
-    with pytest.raises(ConfigurationError, match="by_bandwidth is for axes without stiffness"):
+    with pytest.raises(RefusedError, match="by_bandwidth is for axes without stiffness"):
         Cascade.by_bandwidth(spring, 40.0, 40.0)

@@ -165,9 +165,7 @@ def test_messages():
 
 
 def test_the_rule_says_what_it_cannot_take():
-    with pytest.raises(
-        ConfigurationError, match=r"take a force or a voltage.*position_gain=\.\.\."
-    ):
+    with pytest.raises(RefusedError, match=r"take a force or a voltage.*position_gain=\.\.\."):
         Cascade.by_bandwidth(model("velocity"), 0.01, 30.0)
     with pytest.raises(RefusedError, match=r"takes a position"):
         Cascade.by_bandwidth(model("position"), 40.0, 30.0)

@@ -297,7 +297,7 @@ def test_four_axes_move_one_tool_and_laws_of_the_tool_say_why_they_cannot():
     alone = cl.simulate(machine, law.axis, reference)  # axis laws ask nothing of the tool
     assert largest(alone) > 1e-6
     why = r"FirstOrderTaskFrame is for machines of 2 or 3 .* axes that share a coordinate"
-    with pytest.raises(ConfigurationError, match=why):
+    with pytest.raises(RefusedError, match=why):
         FirstOrderTaskFrame(model=machine.nominal, bandwidth_hz=np.full(4, 10.0))
     other = four_axis_reference(np.abs(np.asarray(machine.tool.matrix)))
     with pytest.raises(RefusedError, match="combines the axes in another way"):
@@ -345,7 +345,6 @@ def test_an_axis_that_cannot_be_inverted_is_refused():
     [
         ({"identified_at": None}, "identified_at not given"),
         ({"numerator": NUMERATOR}, "must have one shape"),
-        ({"axis": AxisPid(model=model(1), kp=1.0)}, "axis must be for 2 axes or more"),
         ({"disturbance_frequencies_hz": [3.0]}, "goes with disturbance_observer_hz"),
         ({"second_signal": "sine"}, "second_signal"),
         ({"turning_width": 1.0}, "turning_width must be < 1"),
@@ -360,6 +359,8 @@ def test_configurations_that_do_not_go_are_refused(changes, text):
 
 
 def test_paths_that_do_not_go_are_refused():
+    with pytest.raises(RefusedError, match="axis must be for 2 axes or more"):
+        stage_law(axis=AxisPid(model=model(1), kp=1.0))
     with pytest.raises(ConfigurationError, match=r"identified at 0\.001 s"):
         stage_law().bind(CIRCLE, 2e-3)
     with pytest.raises(ConfigurationError, match="stabiliser_gain must have 2 values"):

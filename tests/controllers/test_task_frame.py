@@ -373,7 +373,7 @@ def test_messages():
         natural(3, bandwidth_hz=5.0)
     with pytest.raises(ConfigurationError, match=r"damping must be one number or one for each"):
         natural(2, damping=(1.0, 1.0, 1.0)).bind(Ellipse(semi_axes=(0.03, 0.01)), T)
-    with pytest.raises(ConfigurationError, match=r"2 or 3 axes, the model has 4"):
+    with pytest.raises(RefusedError, match=r"2 or 3 axes, the model has 4"):
         natural(2, model=model(4))
     with pytest.raises(RefusedError, match=r"takes a position"):
         natural(

@@ -21,6 +21,7 @@ from contourlab.contours.path import Path
 from contourlab.machines import ball_screw_stage
 from contourlab.recordings import Recording, Reference
 from contourlab.simulation import Comparison
+from contourlab.simulation.pairing import Refusal
 
 PROGRAM = """\
 %
@@ -213,6 +214,18 @@ def spatial_comparison(n_coordinates: int = 3) -> Comparison:
     return Comparison(recordings, reference, ball_screw_stage(), None, tuple(stops))
 
 
+def refused_comparison() -> Comparison:
+    """Two laws that ran between one that was refused and one that failed."""
+    whole = bracket_comparison()
+    runs = {name: whole.recordings[name] for name in ("axis_pid", "cross_coupled")}
+    refusals = {
+        name: Refusal("machine", name, f"{name} <b>is for</b> lathes, which turn", failed=failed)
+        for name, failed in (("turning", False), ("threading", True))
+    }
+    pairs = {name: ("machine", name) for name in ("turning", *runs, "threading")}
+    return bracket_comparison(recordings=runs, refusals=refusals, pairs=pairs)
+
+
 HOSTILE = (
     '<b>b</b></script><script>window.hit=1</script><img src=x onerror="hit=1">{{7*7}}%{x}$a$\u2028'
 )
@@ -241,6 +254,7 @@ def made() -> SimpleNamespace:
     """What the tests of this folder build comparisons with."""
     return SimpleNamespace(
         bracket=bracket_comparison, spatial=spatial_comparison, hostile=hostile_comparison,
+        refused=refused_comparison,
         bracket_path=bracket_path, bracket_part=bracket_part, travel=travel, recording=made_up,
         circle=circle_reference, hostile_text=HOSTILE,
     )  # fmt: skip

@@ -145,6 +145,18 @@ def test_hostile_texts_stay_texts(made, tmp_path):
     assert asks_for_something(reader) == []
 
 
+def test_the_table_says_why_a_law_was_refused(made, tmp_path):
+    text = write_report(made.refused(), tmp_path / "r.html").read_text(encoding="utf-8")
+    body = text[text.index("<tbody>") : text.index("</tbody>")]
+    rows = body.split("<tr")[1:]
+    who = r'class="who[^>]*>(?:<span[^>]*></span>)?([^<]*)'
+    names = [re.search(who, row).group(1) for row in rows]
+    assert names == ["turning", "axis_pid", "cross_coupled", "threading"]
+    assert '<b class="lost">refused</b>: turning &lt;b&gt;is for&lt;/b&gt; lathes' in rows[0]
+    assert '<b class="lost">failed</b>: threading' in rows[3]
+    assert "★" in rows[2]
+
+
 def test_script_json_is_safe_and_strict():
     hostile = {"</script>": "<!--\u2028&"}
     text = script_json(hostile)

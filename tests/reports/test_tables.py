@@ -68,6 +68,26 @@ def test_no_number_is_cut_however_narrow_the_terminal(made, width):
     assert names[1].replace(" ", "") in first.replace(" ", "")
 
 
+def test_laws_that_were_refused_have_a_row_and_say_why(made):
+    comparison = made.refused()
+    text = shown(comparison, width=80)
+    words = [line.replace("|", " ").split() for line in text.splitlines()]
+    rows = [row for row in words if row and row[-1] in ("normal", "refused", "failed")]
+    assert [row[0] for row in rows] == list(comparison.rows)
+    assert rows[0][1:] == ["-"] * 5 + ["refused"]
+    assert rows[3][1:] == ["-"] * 5 + ["failed"]
+    assert "\nturning refused: turning <b>is for</b> lathes, which turn\n" in text
+    assert "\nthreading failed: threading" in text
+    runs = comparison_json(comparison)["runs"]
+    assert [run["controller"] for run in runs] == list(comparison.rows)
+    assert runs[0]["status"] == "refused: turning <b>is for</b> lathes, which turn"
+    assert set(runs[1]["metrics"]) <= set(runs[0]["metrics"])
+    assert set(runs[0]["metrics"].values()) == {None}
+    assert result_sentences(make_drawing(comparison))[-2:] == [
+        "turning was refused; the table says why.", "threading failed; the table says why.",
+    ]  # fmt: skip
+
+
 def test_equal_values_are_not_marked(made):
     reference, _ = made.travel(made.bracket_path(), 0.2)
     recordings = {n: made.recording(reference, n, 1e-5) for n in ("a", "b")}

@@ -286,3 +286,58 @@ def test_mistakes_with_shares(read, keys, message):
     formula = changed('file = "p.ngc"', 'formula = "circle"\nradius = "5 mm"\nskip_rapids = true')
     with pytest.raises(ScenarioError, match="goes with file, not with formula"):
         read(formula)
+
+
+TASK_FRAME = """
+[[controller]]
+name = "frame"
+type = "natural_local_task_frame"
+bandwidth_hz = [15, 60]
+"""
+
+
+def test_a_law_that_a_machine_does_not_take_is_refused_there(read):
+    """The part has corners, which a task frame does not take; its own refusal names the line."""
+    text = changed("[simulation]", f"{TASK_FRAME}\n[simulation]")
+    scenario = read(text)
+    assert scenario.runs == ("pid on mill", "pid on old mill", "p on old mill")
+    error = scenario.setups["mill"].refused["frame"]
+    line = text[: text.index(TASK_FRAME) + 2].count("\n") + 1
+    assert f"s.toml:{line}: controller[2]: NaturalLocalTaskFrame controls errors" in str(error)
+    result = scenario.compare()
+    assert result.rows == (
+        "pid on mill", "frame on mill", "pid on old mill", "p on old mill", "frame on old mill"
+    )  # fmt: skip
+    assert result.status("frame on mill") == f"refused: {error.message}"
+
+
+def test_a_machine_that_is_too_small_or_too_different_for_a_law_is_refused(read):
+    small = changed("mass = [6.0, 4.0]", 'mass = [6.0, 4.0]\ntravel = ["0 mm", "15 mm"]')
+    scenario = read(small)
+    assert scenario.runs == ("pid on old mill", "p on old mill")
+    assert "leaves the travel of axis X" in scenario.setups["mill"].refused["pid"].message
+    # a rule for gains that cannot be made for one machine: before there is a law
+    soft = changed('command = "force"', 'command = "velocity"')
+    rule = 'tuning = "bandwidth"\nvelocity_bandwidth_hz = 40\nposition_gain = 10'
+    pid = 'type = "axis_pid"\ntuning = "pole_placement"\nbandwidth_hz = 20'
+    soft = changed(pid, f'type = "cascade"\n{rule}', soft)
+    scenario = read(soft)
+    assert scenario.runs == ("pid on mill", "p on old mill")
+    assert (
+        "by_bandwidth is for machines that take a force"
+        in scenario.setups["old mill"].refused["pid"].message
+    )
+
+
+def test_what_varies_of_a_refused_law_is_left_out(read):
+    text = changed("[simulation]", f"{TASK_FRAME}\n[simulation]")
+    vary = '\n[vary]\nsamples = 2\n"controller.frame.bandwidth_hz" = { relative = 0.1 }\n'
+    assert read(text + vary).variation is None
+    mass = '"machine.mass" = { relative = 0.1 }\n'
+    assert list(read(text + vary + mass).variation.changes) == ["machine.mass"]
+
+
+def test_a_scenario_without_a_law_that_runs_is_a_mistake(read):
+    start, end = SEVERAL.index("[[controller]]"), SEVERAL.index("[simulation]")
+    with pytest.raises(ScenarioError, match=r"controller\[0\]: frame on machine mill: NaturalLoc"):
+        read(SEVERAL[:start] + TASK_FRAME + SEVERAL[end:])

@@ -3,7 +3,8 @@
 import pytest
 
 import contourlab as cl
-from contourlab.errors import RefusedError, SimulationError
+from contourlab.errors import ConfigurationError, RefusedError, SimulationError
+from contourlab.simulation.jax_engine import JaxEngine
 
 from .loops import Proportional, line_reference, velocity_stage
 
@@ -27,14 +28,63 @@ def test_one_diverging_run_does_not_stop_the_others():
     assert result.best("contour_error_rms") == "good"
 
 
-def test_every_controller_is_checked_before_the_first_runs():
+class Failing(JaxEngine):
+    """Cannot compute the law whose gain is 7."""
+
+    def run(self, loop, told):
+        if float(loop.law.law.k) == 7.0:
+            raise self.kind("no such operation")
+        return super().run(loop, told)
+
+
+class Wrong(Proportional):
+    """Has a value that is wrong on every machine, which binding sees."""
+
+    def bind(self, contour, sample_time):
+        raise ConfigurationError("k must be < 1 1/s, got 1")
+
+
+def test_a_law_that_does_not_fit_or_fails_leaves_the_others_their_runs():
+    laws = {
+        "made for another": RefusedError("is for lathes"), "good": Proportional(k=30.0),
+        "three": Proportional(k=1.0, axes=3), "broken": Proportional(k=7.0),
+    }  # fmt: skip
+    engine = Failing()
+    engine.kind = SimulationError
+    result = cl.compare(velocity_stage(), laws, line_reference(n=50), engine=engine)
+    assert result.names == ("good",)
+    assert result.rows == tuple(laws)
+    said = [result.status(name) for name in result.rows]
+    assert said == [
+        "refused: is for lathes", "normal",
+        "refused: Proportional commands 3 axes, the machine has 2", "failed: no such operation",
+    ]  # fmt: skip
+    table = result.table()
+    assert list(table["status"]) == said
+    assert list(table["contour_error_rms"].isna()) == [True, False, True, True]
+    engine.kind = RefusedError  # as an engine says it that does not take a law
+    result = cl.compare(velocity_stage(), laws, line_reference(n=50), engine=engine)
+    assert result.status("broken") == "refused: no such operation"
+
+
+def test_mistakes_and_laws_that_are_all_refused_end_before_the_first_runs():
     seen = []
-    with pytest.raises(RefusedError, match="commands 3 axes"):
-        cl.compare(
-            velocity_stage(), {"good": Proportional(k=1.0), "bad": Proportional(k=1.0, axes=3)},
-            line_reference(), progress=lambda name, done: seen.append(name),
-        )  # fmt: skip
+
+    def ends(laws, message, kind=RefusedError, **more):
+        with pytest.raises(kind, match=message):
+            cl.compare(
+                velocity_stage(), laws, line_reference(n=50), **more,
+                progress=lambda name, done: seen.append(name),
+            )  # fmt: skip
+
+    three = Proportional(k=1.0, axes=3)
+    ends({"a": three, "b": three}, "commands 3 axes")
+    ends({"good": Proportional(k=1.0), "bad": Wrong(k=1.0)}, "k must be < 1", ConfigurationError)
+    ends({"good": Proportional(k=1.0)}, "seed must be", SimulationError, seed=-1)
     assert seen == []
+    engine = Failing()
+    engine.kind = SimulationError
+    ends({"broken": Proportional(k=7.0)}, "broken failed: no such operation", engine=engine)
 
 
 def test_nothing_to_compare():

@@ -65,6 +65,23 @@ def test_each_machine_may_have_its_own_motion():
         cl.compare(MACHINES, LAWS, {**references, "slo": references["slow"]})
 
 
+FORCED = velocity_stage(drive=Drive(command="force"))
+SHORT = velocity_stage(travel=[[0.0, 1e-3], [0.0, 1e-3]])
+
+
+def test_what_does_not_go_together_has_a_row_that_says_so():
+    machines = {"forced": FORCED, "quick": MACHINES["quick"], "short": SHORT}
+    result = cl.compare(machines, LAWS, line_reference())
+    assert result.names == ("soft on quick", "hard on quick")
+    assert result.rows[0] == "soft on forced"
+    assert result.status("hard on forced").startswith("refused: Proportional gives a velocity")
+    assert result.status("hard on short").startswith("refused: the part leaves the travel")
+    assert result.pair("hard on short") == ("short", "hard")
+    table = result.table()
+    assert list(table.index) == [(where, law) for where in machines for law in LAWS]
+    assert table["contour_error_rms"].notna().sum() == 2
+
+
 def test_what_does_not_go_together_is_named_before_anything_runs():
     ran = []
 
@@ -72,11 +89,10 @@ def test_what_does_not_go_together_is_named_before_anything_runs():
         with pytest.raises(kind, match=message):
             cl.compare(machines, laws, line_reference(), progress=lambda *a: ran.append(a))
 
-    forced = velocity_stage(drive=Drive(command="force"))
-    refused({**MACHINES, "forced": forced}, LAWS,
+    refused({"forced": FORCED, "other": FORCED}, LAWS,
             "soft on machine forced: .* gives a velocity command, .* takes a force")  # fmt: skip
-    short = velocity_stage(travel=[[0.0, 1e-3], [0.0, 1e-3]])
-    refused({**MACHINES, "short": short}, LAWS, "soft on machine short: .*travel", TravelError)
+    refused({"short": SHORT, "forced": FORCED}, LAWS, "soft on machine short: .*travel",
+            TravelError)  # fmt: skip
     refused(MACHINES, {"soft": {"quik": LAWS["soft"]}}, "runs on machine 'quik'; did you mean")
     refused(MACHINES, {"soft": {"quick": LAWS["soft"]}}, "no controller runs on machine slow",
             SimulationError)  # fmt: skip

@@ -155,7 +155,7 @@ def simulate(
     ready = read_scenario(scenario, part=part)
     where = choose_machine(ready.setups, machine)
     setup = ready.setups[where]
-    name = choose_controller(setup.controllers, controller)
+    name = choose_controller(setup, controller)
     if output is not None:
         refuse_recording(output, force=force)
     with RunProgress(quiet=as_json) as progress:

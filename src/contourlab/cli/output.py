@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from contourlab.contour_errors.accuracy_names import study_named
 from contourlab.contours import read_dxf, read_gcode, read_points, read_svg
-from contourlab.controllers.base import Controller
 from contourlab.errors import ConfigurationError, OutputError, ScenarioError, choices
 from contourlab.evaluation import Evaluation
 from contourlab.recordings import Recording
 from contourlab.recordings.files import refuse_existing
 from contourlab.reports import write_evaluation, write_figures, write_report
+from contourlab.scenarios import Setup
 from contourlab.scenarios.part_files import file_kind
 from contourlab.simulation import Comparison
 
@@ -171,33 +171,34 @@ def choose_machine(machines: Iterable[str], name: str | None) -> str:
     return name
 
 
-def choose_controller(controllers: Mapping[str, Controller], name: str | None) -> str:
+def choose_controller(setup: Setup, name: str | None) -> str:
     """Return the name of the controller to run.
 
     Parameters
     ----------
-    controllers
-        Of the scenario.
+    setup
+        What the scenario has for the machine.
     name
         As asked for; may be left out if there is one.
 
     Raises
     ------
     ScenarioError
-        There are several and none was named, or the name is unknown.
+        There are several and none was named, or the name is unknown, or the machine does not take
+        that controller; says why.
     """
-    if name is None:
-        if len(controllers) == 1:
-            return next(iter(controllers))
+    known = [*setup.controllers, *setup.refused]
+    if name is None and len(known) > 1:
         raise ScenarioError(
-            f"the scenario has {len(controllers)} controllers; choose one with --controller: "
-            + ", ".join(controllers)
+            f"the scenario has {len(known)} controllers; choose one with --controller: "
+            + ", ".join(known)
         )
-    if name not in controllers:
-        raise ScenarioError(
-            f"--controller {name}: no such controller; {choices(name, controllers)}"
-        )
-    return name
+    chosen = known[0] if name is None else name
+    if chosen in setup.refused:
+        raise setup.refused[chosen]
+    if chosen not in known:
+        raise ScenarioError(f"--controller {chosen}: no such controller; {choices(chosen, known)}")
+    return chosen
 
 
 def refuse_recording(file: Path, *, force: bool) -> None:

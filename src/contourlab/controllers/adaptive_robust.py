@@ -76,7 +76,7 @@ class AdaptiveRobustController(Controller):
             )
         refuse_position_command(name, self.model)
         if self.model.n_axes != 2:
-            raise ConfigurationError(
+            raise RefusedError(
                 f"{name} is for two axes in a plane, the model has {self.model.n_axes}"
             )
         if self.model.stiffness is not None:

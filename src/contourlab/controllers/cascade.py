@@ -53,7 +53,7 @@ from contourlab.controllers.axis_controller import (
 )
 from contourlab.controllers.base import Needs
 from contourlab.controllers.feed_forward import ModelFeedForward
-from contourlab.errors import ConfigurationError
+from contourlab.errors import ConfigurationError, RefusedError
 from contourlab.machines.base import NominalModel
 from contourlab.recordings.sample import Sample
 from contourlab.typing import Array, AxisVector, Count, Scalar
@@ -172,20 +172,20 @@ class Cascade(AxisController):
         ------
         ConfigurationError
             A value that is not > 0, or neither one number nor one per axis; a bandwidth so low
-            that k_p would be negative; a machine that takes a velocity; axes with stiffness.
+            that k_p would be negative.
         RefusedError
-            The model is commanded by positions.
+            The model is commanded by velocities or positions, or has stiffness.
         """
         refuse_no_model(model)
         refuse_position_command("Cascade", model)
         if model.command == "velocity":
-            raise ConfigurationError(
+            raise RefusedError(
                 "by_bandwidth is for machines that take a force or a voltage; this one takes a "
                 "velocity, its drive closes the velocity loop itself: use "
                 "Cascade(position_gain=...)"
             )
         if model.stiffness is not None and np.any(np.asarray(model.stiffness) > 0.0):
-            raise ConfigurationError(
+            raise RefusedError(
                 "by_bandwidth is for axes without stiffness: against a spring the velocity loop "
                 "does not have these poles; give the gains"
             )

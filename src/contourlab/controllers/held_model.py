@@ -21,7 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from contourlab.configuration import is_concrete
-from contourlab.errors import ConfigurationError
+from contourlab.errors import RefusedError
 from contourlab.machines.base import NominalModel
 from contourlab.machines.exponential import LARGEST_NORM, exponential, phi
 from contourlab.typing import Array, AxisVector, Scalar
@@ -77,7 +77,7 @@ def held_axes(model: NominalModel, sample_time: Scalar) -> HeldAxes:
 
     Raises
     ------
-    ConfigurationError
+    RefusedError
         An axis with a stiffness whose modes are too fast for the sample time.
     """
     mass, viscous, gain = (jnp.asarray(x) for x in (model.mass, model.viscous, model.gain))
@@ -97,7 +97,7 @@ def held_axes(model: NominalModel, sample_time: Scalar) -> HeldAxes:
     block = sample_time * jnp.stack([jnp.stack(row, -1) for row in rows], -2)
     size = jnp.max(jnp.sum(jnp.abs(block), -1))
     if is_concrete(size) and not size <= LARGEST_NORM:
-        raise ConfigurationError(
+        raise RefusedError(
             f"an axis is too fast for the sample time: a mode times sample time must be <= "
             f"{LARGEST_NORM:g}, got {float(np.asarray(size)):g}"
         )
@@ -126,7 +126,7 @@ def held_polynomials(model: NominalModel, sample_time: Scalar) -> tuple[jax.Arra
 
     Raises
     ------
-    ConfigurationError
+    RefusedError
         As :func:`held_axes`.
     """
     held = held_axes(model, sample_time)

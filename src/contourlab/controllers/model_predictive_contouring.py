@@ -68,7 +68,7 @@ from contourlab.controllers.model_predictive_contouring_program import (
 )
 from contourlab.controllers.model_predictive_contouring_speed import safe_speed, turn_in_length
 from contourlab.controllers.model_predictive_contouring_weights import natural_weights
-from contourlab.errors import ConfigurationError, RefusedError
+from contourlab.errors import RefusedError
 from contourlab.machines.base import NominalModel
 from contourlab.typing import Array, Scalar
 
@@ -166,7 +166,7 @@ class ModelPredictiveContouring(Controller):
         """Check the number of axes, and that the model takes no positions."""
         refuse_position_command(type(self).__name__, self.model)
         if self.model.n_axes not in (2, 3):
-            raise ConfigurationError(
+            raise RefusedError(
                 f"{type(self).__name__} is for machines of 2 or 3 axes, the model has "
                 f"{self.model.n_axes}"
             )

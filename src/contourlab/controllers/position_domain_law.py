@@ -38,7 +38,7 @@ TURNING_WIDTH = 0.03
 
 
 def refuse_lone_axis(axis: Any) -> None:
-    """Raise ConfigurationError unless a law was given an axis law for two axes or more.
+    """Raise an error unless a law was given an axis law for two axes or more.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def refuse_lone_axis(axis: Any) -> None:
     """
     refuse_no_axis_law(axis, "which runs the master, ")
     if axis.n_axes < 2:
-        raise ConfigurationError("axis must be for 2 axes or more: a master and its slaves, got 1")
+        raise RefusedError("axis must be for 2 axes or more: a master and its slaves, got 1")
 
 
 def bound_domain(

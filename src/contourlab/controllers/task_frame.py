@@ -98,7 +98,7 @@ class TaskFrameController(Controller):
         n = self.model.n_axes
         refuse_position_command(type(self).__name__, self.model)
         if n not in (2, 3):
-            raise ConfigurationError(
+            raise RefusedError(
                 f"{type(self).__name__} is for machines of 2 or 3 axes, the model has {n}: it "
                 "corrects along the tangent and the normals of the path, and does not say how axes "
                 "that share a coordinate would share a correction; laws in the position domain, "

@@ -226,7 +226,9 @@ def _chosen(
         raise ExportError("machine= and reference= go with a controller, not with a scenario")
     where = _one(setups, machine, "machine")
     setup = setups[where]
-    name = _one(setup.controllers, controller, "controller")
+    name = _one({**setup.controllers, **setup.refused}, controller, "controller")
+    if name in setup.refused:
+        raise setup.refused[name]
     extra = {"disturbances": what.disturbances, "seed": what.seed}
     return name, setup.controllers[name], setup.machine, setup.reference, extra
 

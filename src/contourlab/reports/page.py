@@ -98,6 +98,7 @@ def _page(drawing: Drawing) -> str:
         sentences=[*result_sentences(drawing), *spread_sentences(comparison)],
         columns=table_columns(comparison),
         runs=drawing.runs,
+        rows=_rows(drawing),
         several=comparison.several,
         one_motion=drawing.one_motion,
         feeds=_feeds(comparison),
@@ -123,6 +124,22 @@ def _page(drawing: Drawing) -> str:
         plotly=Markup(get_plotlyjs()),
         data=Markup(script_json(_payload(drawing, rows))),
     )
+
+
+def _rows(drawing: Drawing) -> list[dict[str, Any]]:
+    """Return the rows of the table: the number of a run, or why there is none."""
+    comparison = drawing.comparison
+    numbers = {run.name: number for number, run in enumerate(drawing.runs)}
+    rows = []
+    for name in comparison.rows:
+        machine, controller = comparison.pair(name)
+        refusal = comparison.refusals.get(name)
+        word, _, reason = ("" if refusal is None else refusal.status).partition(": ")
+        rows.append(
+            {"machine": machine, "controller": controller, "run": numbers.get(name),
+             "refused": word, "reason": reason}
+        )  # fmt: skip
+    return rows
 
 
 def _feeds(comparison: Comparison) -> list[dict[str, Any]]:

@@ -44,7 +44,8 @@ __all__ = [
 def comparison_table(comparison: Comparison, *, width: int = 80) -> Table:
     """Return the errors as a table for the terminal, in µm; the report has the other figures.
 
-    The best value of a column is bold and carries a star. Its words are ASCII, and its lines where
+    A law that was refused or failed has no figures; why is for :func:`print_table` to say. The best
+    value of a column is bold and carries a star. Its words are ASCII, and its lines where
     the terminal asks for it: a log file or an old terminal can hold it. Times stand in it where
     they tell the controllers apart.
 
@@ -67,8 +68,9 @@ def comparison_table(comparison: Comparison, *, width: int = 80) -> Table:
                   caption=Text(caption),
                   pad_edge=False, collapse_padding=True)  # fmt: skip
     columns = [column for column in table_columns(comparison) if _in_terminal(column)]
-    pairs = [comparison.pair(name) for name in comparison.recordings]
-    short = all(len(r.status) <= len("normal") for r in comparison.recordings.values())
+    statuses = {name: _short_status(comparison, name) for name in comparison.rows}
+    pairs = [comparison.pair(name) for name in statuses]
+    short = all(len(status) <= len("normal") for status in statuses.values())
     told = not (comparison.several and short)  # names of machines take the room
     table.add_column("controller", overflow="fold")
     for column in columns:
@@ -81,25 +83,36 @@ def comparison_table(comparison: Comparison, *, width: int = 80) -> Table:
     room = width - 1 - 2 * len(table.columns) - sum(c.min_width or 0 for c in table.columns)
     longest = max(len(ascii_text(name)) for _, name in pairs)
     if told:
-        needed = max(len(ascii_text(r.status)) for r in comparison.recordings.values())
+        needed = max(len(status) for status in statuses.values())
         left = max(min(needed, room - longest), LEAST_NAME)
         table.columns[-1].width = left
         room -= left
     table.columns[0].width = min(max(longest, len("controller")), max(room, LEAST_NAME))
-    for row, recording in enumerate(comparison.recordings.values()):
+    places = {name: place for place, name in enumerate(comparison.recordings)}
+    for row, (run, status) in enumerate(statuses.items()):
         machine, name = pairs[row]
         if comparison.several and (row == 0 or machine != pairs[row - 1][0]):
             if row:
                 table.add_section()
             table.add_row(Text(f"on {ascii_text(machine)}", style="italic"))
-        cells = [_cell(column.cells[row]) for column in columns]
-        status = Text(ascii_text(recording.status), style="bold red" if recording.diverged else "")
-        table.add_row(Text(ascii_text(name)), *cells, *([status] if told else []))
+        none = Text("-") if run in comparison.refusals else None
+        cells = [none or _cell(column.cells[places[run]]) for column in columns]
+        lost = none or comparison.recordings[run].diverged
+        last = Text(status, style="bold red" if lost else "")
+        table.add_row(Text(ascii_text(name)), *cells, *([last] if told else []))
     return table
+
+
+def _short_status(comparison: Comparison, name: str) -> str:
+    """Return a status without the reason of a refusal, which has no room in a table."""
+    status = comparison.status(name)
+    return ascii_text(status.partition(":")[0] if name in comparison.refusals else status)
 
 
 def print_table(console: Console, comparison: Comparison) -> None:
     """Print a comparison, wider than the terminal rather than with numbers cut.
+
+    Below it stands why laws were refused, or failed.
 
     Parameters
     ----------
@@ -108,12 +121,16 @@ def print_table(console: Console, comparison: Comparison) -> None:
     comparison
         With one recording or more.
     """
+    from rich.text import Text
+
     terminal = console.width
     table = comparison_table(comparison, width=terminal)
     taken = sum((column.width or column.min_width or 0) + 2 for column in table.columns)
     console.width = max(terminal, taken + 1)
     console.print(table)
     console.width = terminal
+    for name, refusal in comparison.refusals.items():
+        console.print(Text(ascii_text(f"{name} {refusal.status}")), soft_wrap=True)
 
 
 def spread_table(comparison: Comparison) -> Table | None:
@@ -224,12 +241,21 @@ def comparison_json(comparison: Comparison, report: str | FilePath | None = None
     -------
     dict
         ``schema``, ``runs`` (see :func:`run_json`; each with its ``machine``, and where there are
-        such, ``spread`` and ``corners``), ``report``; ``vary`` if something varied.
+        such, ``spread`` and ``corners``), ``report``; ``vary`` if something varied. The run of a
+        law that was refused or failed has the metrics of the others, all null, and says why in its
+        ``status``.
     """
-    runs = []
-    for name, recording in comparison.recordings.items():
+    runs: list[dict[str, Any]] = []
+    names = dict.fromkeys(n for one in comparison.recordings.values() for n in one.metrics)
+    for name in comparison.rows:
         machine, controller = comparison.pair(name)
-        run = {"machine": machine, **_run(controller, recording)}
+        if name in comparison.refusals:
+            runs.append({
+                "machine": machine, "controller": controller, "metrics": dict.fromkeys(names),
+                "status": comparison.status(name), "warnings": [],
+            })  # fmt: skip
+            continue
+        run = {"machine": machine, **_run(controller, comparison.recordings[name])}
         if name in comparison.spread:
             run["spread"] = spread_json(comparison.spread[name])
         corners = corner_json(comparison, name)

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 __all__ = ["Cell", "Column", "command_limits", "command_unit", "result_sentences", "table_columns"]
 
 NONE = "–"
+NAMED = 4
+"""So many laws that were refused are named in a sentence."""
 MICRONS = "\u00a0µm"  # a number and its unit stay on one line
 
 
@@ -182,14 +184,15 @@ def result_sentences(drawing: Drawing) -> list[str]:
     drawing
         Of the comparison.
     """
+    refused = _refused(drawing.comparison)
     if drawing.comparison.several:
-        return _several_machines(drawing)
+        return [*_several_machines(drawing), *refused]
     lost = [run for run in drawing.runs if run.diverged]
     ranked = sorted(
         (run for run in drawing.good if math.isfinite(_rms(run))), key=lambda run: _rms(run)
     )
     if not ranked:
-        return _nobody(drawing.runs, lost)
+        return [*_nobody(drawing.runs, lost), *refused]
     best = ranked[0]
     worst = "" if best.worst is None else drawing.where(best, best.worst)
     figures = f"{_um(_rms(best))}{MICRONS} rms, {_um(_max(best))}{MICRONS} at worst"
@@ -216,13 +219,28 @@ def result_sentences(drawing: Drawing) -> list[str]:
     if len(ranked) > 1 and _um(_max(calm)) != _um(_max(best)):
         sentences.append(f"The smallest worst case is {calm.name}'s: {_um(_max(calm))}{MICRONS}.")
     sentences += [f"{run.name} {run.status}." for run in lost]
+    return [*sentences, *refused]
+
+
+def _refused(comparison: Comparison) -> list[str]:
+    """Say which laws have no figures because they were refused, or failed; why is in the table."""
+    sentences = []
+    for failed, verb in ((False, "refused"), (True, "failed")):
+        names = [name for name, one in comparison.refusals.items() if one.failed == failed]
+        if not names:
+            continue
+        shown = _listed(names) if len(names) <= NAMED else f"{len(names)} runs"
+        verb = verb if failed else f"{'was' if len(names) == 1 else 'were'} {verb}"
+        sentences.append(f"{shown} {verb}; the table says why.")
     return sentences
 
 
 def _several_machines(drawing: Drawing) -> list[str]:
     """Return who is best on each machine, and who is lost."""
-    best = {}
-    for machine, runs in drawing.machines.items():
+    best: dict[str, Run | None] = {}
+    comparison = drawing.comparison
+    for machine in dict.fromkeys(comparison.pair(name)[0] for name in comparison.rows):
+        runs = drawing.machines.get(machine, ())
         ranked = [run for run in runs if not run.diverged and math.isfinite(_rms(run))]
         best[machine] = min(ranked, key=_rms, default=None)
     lost = [f"{run.name} {run.status}." for run in drawing.runs if run.diverged]
@@ -246,7 +264,13 @@ def _several_machines(drawing: Drawing) -> list[str]:
         for machine, run in found.items()
         if run.worst is not None
     ]
-    none = [f"On {machine} every controller diverged." for machine in best if machine not in found]
+    none = [
+        f"On {machine} every controller diverged."
+        if drawing.machines.get(machine)
+        else f"On {machine} no controller runs."
+        for machine in best
+        if machine not in found
+    ]
     return [head, *worst, *none, *lost]
 
 

@@ -25,7 +25,7 @@ from contourlab.scenarios.locate import Key
 from contourlab.scenarios.own_law import is_own_law, law_name, load_own_law
 from contourlab.scenarios.part_files import file_kind, read_part_file
 from contourlab.scenarios.schema import FeedSection, PartSection
-from contourlab.scenarios.values import KeyedError, at, make
+from contourlab.scenarios.values import KeyedError, KeyedRefusedError, at, make
 from contourlab.units import parse_quantity
 
 __all__ = [
@@ -142,8 +142,10 @@ def restriction_notes(section: PartSection, part: Part | None) -> tuple[tuple[st
 def build_controllers(
     entries: Sequence[Mapping[str, Any]], machines: Mapping[str, Machine],
     folder: FilePath = FilePath("."),
-) -> dict[str, dict[str, Controller]]:  # fmt: skip
+) -> dict[str, dict[str, Controller | KeyedRefusedError]]:  # fmt: skip
     """Return every controller for each machine that it runs on, by its name and the machine's.
+
+    In place of a controller that a machine does not take stands why.
 
     Parameters
     ----------
@@ -159,7 +161,7 @@ def build_controllers(
     KeyedError
         Something in them is wrong; says at which key, and with several machines on which.
     """
-    made: dict[str, dict[str, Controller]] = {}
+    made: dict[str, dict[str, Controller | KeyedRefusedError]] = {}
     for k, entry in enumerate(entries):
         key: Key = ("controller", k)
         values = dict(entry)
@@ -194,9 +196,11 @@ def _only(value: Any, key: Key, machines: Mapping[str, Machine]) -> list[str]:
 def _on(
     where: str, values: Mapping[str, Any], key: Key, machines: Mapping[str, Machine],
     folder: FilePath,
-) -> Controller:  # fmt: skip
+) -> Controller | KeyedRefusedError:  # fmt: skip
     try:
         return _controller(values, key, machines[where], folder)
+    except KeyedRefusedError as refusal:
+        return refusal
     except KeyedError as error:
         if len(machines) == 1:
             raise

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Callable, Mapping
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -10,7 +11,8 @@ import pydantic
 
 from contourlab.controllers.base import Controller
 from contourlab.errors import ContourlabError, ScenarioError, TravelError
-from contourlab.machines import Machine
+from contourlab.feedrate import Plan
+from contourlab.machines import Disturbance, Machine
 from contourlab.recordings.reference import Reference
 from contourlab.scenarios.axes_path import in_axes
 from contourlab.scenarios.build import (
@@ -26,9 +28,9 @@ from contourlab.scenarios.part_files import file_kind, options_of
 from contourlab.scenarios.refusal import dotted, refuse
 from contourlab.scenarios.scenario import Scenario, Setup
 from contourlab.scenarios.schema import MachineSection, PartSection, ScenarioSections
-from contourlab.scenarios.values import KeyedError
+from contourlab.scenarios.values import KeyedError, KeyedRefusedError
 from contourlab.scenarios.vary import build_variation
-from contourlab.simulation.checks import as_reference, check_loop
+from contourlab.simulation.checks import as_reference, why_refused
 from contourlab.simulation.pairing import ONLY, Loop
 
 __all__ = ["read_scenario", "read_scenario_text"]
@@ -128,16 +130,22 @@ def _from_raw(
     single, labels = _machine_list(raw, text, name)
     try:
         sections = ScenarioSections.model_validate(raw)
-        return _build(sections, labels, said + text, name, folder)
+        return _build(
+            sections, labels, said + text, name, folder,
+            lambda error: _placed(error, text, name, single=single),
+        )  # fmt: skip
     except pydantic.ValidationError as error:
         refuse(
             error, ScenarioSections, text, name, written=lambda key: _written(key, single=single)
         )
     except KeyedError as error:
-        key = _written(error.key, single=single)
-        raise ScenarioError(
-            error.message, file=name, line=line_of(text, key), key=dotted(key)
-        ) from error
+        raise _placed(error, text, name, single=single) from error
+
+
+def _placed(error: KeyedError, text: str, name: str, *, single: bool) -> ScenarioError:
+    """Return an error at a key as one that says file and line."""
+    key = _written(error.key, single=single)
+    return ScenarioError(error.message, file=name, line=line_of(text, key), key=dotted(key))
 
 
 def _machine_list(raw: dict[str, Any], text: str, file: str) -> tuple[bool, list[str]]:
@@ -167,8 +175,9 @@ def _machine_list(raw: dict[str, Any], text: str, file: str) -> tuple[bool, list
 
 
 def _build(
-    sections: ScenarioSections, labels: list[str], text: str, name: str, folder: FilePath
-) -> Scenario:
+    sections: ScenarioSections, labels: list[str], text: str, name: str, folder: FilePath,
+    placed: Callable[[KeyedError], ScenarioError],
+) -> Scenario:  # fmt: skip
     machines = {
         label: _machine(section, k, sections.simulation.substeps, folder)
         for k, (label, section) in enumerate(zip(labels, sections.machine, strict=True))
@@ -194,39 +203,61 @@ def _build(
     planned = build_references(
         sections.feed, part or contour, machines, sections.simulation.sample_time
     )
-    for k, (controller, own) in enumerate(controllers.items()):
-        for label, law in own.items():
-            _check(law, machines[label], as_reference(planned[label]), ("controller", k),
-                   f"{controller} on machine {label}: " if len(machines) > 1 else "")  # fmt: skip
-    loops = [
-        Loop(
-            label,
-            controller,
-            machines[label],
-            own[label],
-            as_reference(planned[label]),
-            disturbances,
-        )
-        for label in machines
-        for controller, own in controllers.items()
-        if label in own
-    ]
+    loops, refused = _loops(controllers, machines, planned, disturbances)
     seed = sections.simulation.seed
     return Scenario(
         setups={
             label: Setup(
-                machine, {name: own[label] for name, own in controllers.items() if label in own},
+                machine,
+                {one.controller_name: one.controller for one in loops if one.machine_name == label},
                 planned[label],
+                {who: placed(e) for (where, who), e in refused.items() if where == label},
             )
             for label, machine in machines.items()
         },
         disturbances=disturbances, seed=seed, part=part, title=sections.report.title,
         magnification=sections.report.magnification, text=text, source=name,
-        variation=build_variation(sections.vary, loops, seed) if sections.vary else None,
+        variation=build_variation(sections.vary, loops, seed, labels, list(controllers))
+        if sections.vary else None,
         corner_radius=sections.report.corner_radius,
         notes=(*restriction_notes(sections.part, part), *_limit_notes(sections)),
         common=sections.feed.limits != "own", engine=sections.simulation.engine,
+        names=tuple(controllers),
     )  # fmt: skip
+
+
+def _loops(
+    controllers: Mapping[str, Mapping[str, Controller | KeyedRefusedError]],
+    machines: Mapping[str, Machine], planned: Mapping[str, Plan | Reference],
+    disturbances: tuple[Disturbance, ...],
+) -> tuple[list[Loop], dict[tuple[str, str], KeyedError]]:  # fmt: skip
+    """Return what can run, and why the rest cannot, by machine and controller.
+
+    Raises
+    ------
+    KeyedError
+        Nothing can run, or a value is wrong wherever a law runs.
+    """
+    loops: list[Loop] = []
+    refused: dict[tuple[str, str], KeyedError] = {}
+    for label, machine in machines.items():
+        reference = as_reference(planned[label])
+        for k, (controller, own) in enumerate(controllers.items()):
+            law = own.get(label)
+            if isinstance(law, Controller):
+                who = f"{controller} on machine {label}: " if len(machines) > 1 else ""
+                refusal = _refusal(law, machine, reference, ("controller", k), who)
+                loop = Loop(label, controller, machine, law, reference, disturbances)
+                loops += [] if refusal else [loop]
+            else:
+                refusal = law
+            if refusal is not None:
+                refused[label, controller] = refusal
+    if not loops:
+        (label, controller), first = next(iter(refused.items()))
+        who = f"{controller} on machine {label}: " if len(machines) > 1 else ""
+        raise type(first)(first.key, f"{who}{first.message}")
+    return loops, refused
 
 
 def _machine(
@@ -240,14 +271,17 @@ def _machine(
         raise KeyedError(("machine", number, *error.key[1:]), error.message) from error
 
 
-def _check(law: Controller, machine: Machine, reference: Reference, key: Key, who: str) -> None:
+def _refusal(
+    law: Controller, machine: Machine, reference: Reference, key: Key, who: str
+) -> KeyedRefusedError | None:
     try:
-        check_loop(machine, law, reference)
-        law.bind(reference.contour, reference.sample_time)
-    except TravelError as error:  # whatever the law: the part is in the wrong place
-        raise KeyedError(("part",), f"{who}{error}") from error
-    except ContourlabError as error:
-        raise KeyedError(key, f"{who}{error}") from error
+        error = why_refused(machine, law, reference)
+    except ContourlabError as mistake:
+        raise KeyedError(key, f"{who}{mistake}") from mistake
+    if error is None:
+        return None
+    # the travel does not ask for the law: the part is in the wrong place
+    return KeyedRefusedError(("part",) if isinstance(error, TravelError) else key, str(error))
 
 
 def _limit_notes(sections: ScenarioSections) -> tuple[tuple[str, str], ...]:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from contourlab.contours.part import Part
 from contourlab.controllers.base import Controller
+from contourlab.errors import RefusedError, ScenarioError
 from contourlab.feedrate import Plan
 from contourlab.machines import Disturbance, Machine
 from contourlab.recordings.corners import CORNER_RADIUS
@@ -28,6 +29,8 @@ class Setup:
     """By name; their gains are of this machine's nominal model."""
     motion: Plan | Reference
     """The planned feed, or the reference where nothing was planned."""
+    refused: Mapping[str, ScenarioError] = field(default_factory=dict)
+    """Why other controllers do not run on this machine, by name; says where they stand."""
 
     @property
     def reference(self) -> Reference:
@@ -68,6 +71,8 @@ class Scenario:
     """Whether all machines have the same reference."""
     engine: str = "jax"
     """What computes the runs."""
+    names: tuple[str, ...] = ()
+    """Of all controllers, in the order of the file."""
 
     @property
     def machine(self) -> Machine:
@@ -95,7 +100,7 @@ class Scenario:
 
     @property
     def runs(self) -> tuple[str, ...]:
-        """What the runs of :meth:`compare` will be called, in their order."""
+        """What the runs of :meth:`compare` will be called, in their order; none is refused."""
         several = len(self.setups) > 1
         return tuple(
             run_label(where, name) if several else name
@@ -104,7 +109,7 @@ class Scenario:
         )
 
     def compare(self, progress: Any = None, engine: str | None = None) -> Comparison:
-        """Run every controller of the scenario on every machine.
+        """Run every controller of the scenario on every machine that takes it.
 
         Parameters
         ----------
@@ -113,15 +118,14 @@ class Scenario:
         engine
             In place of the scenario's own.
         """
-        names = dict.fromkeys(name for setup in self.setups.values() for name in setup.controllers)
-        controllers = {
-            name: {
-                where: setup.controllers[name]
-                for where, setup in self.setups.items()
-                if name in setup.controllers
-            }
-            for name in names
+        controllers: dict[str, dict[str, Controller | RefusedError]] = {
+            name: {} for name in self.names
         }
+        for where, setup in self.setups.items():
+            for name, error in setup.refused.items():
+                controllers[name][where] = RefusedError(error.message)
+            for name, controller in setup.controllers.items():
+                controllers[name][where] = controller
         motions = {where: setup.motion for where, setup in self.setups.items()}
         return compare(
             {where: setup.machine for where, setup in self.setups.items()}, controllers,

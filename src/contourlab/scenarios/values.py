@@ -8,11 +8,17 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, NoReturn
 
-from contourlab.errors import ConfigurationError, ContourlabError, PartError, choices
+from contourlab.errors import (
+    ConfigurationError,
+    ContourlabError,
+    PartError,
+    RefusedError,
+    choices,
+)
 from contourlab.scenarios.locate import Key
 from contourlab.units import parse_quantity
 
-__all__ = ["KeyedError", "at", "field_value", "make", "needs_unit"]
+__all__ = ["KeyedError", "KeyedRefusedError", "at", "field_value", "make", "needs_unit"]
 
 _DIMENSIONS = {
     "m": "length",
@@ -30,6 +36,10 @@ class KeyedError(ContourlabError):
     def __init__(self, key: Key, message: str) -> None:
         self.key, self.message = key, message
         super().__init__(message)
+
+
+class KeyedRefusedError(KeyedError):
+    """A law that a machine or the contour does not take: right elsewhere, so no mistake."""
 
 
 @contextmanager
@@ -54,7 +64,7 @@ def at(*key: str | int) -> Iterator[None]:
     except (KeyedError, PartError):
         raise
     except ContourlabError as error:
-        raise KeyedError(key, str(error)) from error
+        raise _keyed(error, key, str(error)) from error
 
 
 def needs_unit(field: Any) -> str | None:
@@ -152,12 +162,12 @@ def make(
         except KeyedError:
             raise
         except ContourlabError as error:
-            _fail((*key, name), str(error))
+            raise _keyed(error, (*key, name), str(error)) from None
     try:
         return target(**made)
     except ContourlabError as error:
         named = [name for name in values if str(error).startswith(f"{name} ")]
-        _fail((*key, named[0]) if named else key, str(error))
+        raise _keyed(error, (*key, named[0]) if named else key, str(error)) from None
     except TypeError:
         missing = _missing(rule, made) if rule else [
             name for name, f in fields.items()
@@ -176,6 +186,10 @@ def _missing(function: Any, made: Mapping[str, Any]) -> list[str]:
         for p in parameters
         if p.default is p.empty and p.kind is not p.VAR_KEYWORD and p.name not in made
     ]
+
+
+def _keyed(error: ContourlabError, key: Key, message: str) -> KeyedError:
+    return (KeyedRefusedError if isinstance(error, RefusedError) else KeyedError)(key, message)
 
 
 def _fail(key: Key, message: str) -> NoReturn:

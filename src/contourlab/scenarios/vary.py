@@ -27,7 +27,10 @@ _IN_UNITS = {"absolute", "between", "std", "values"}
 _KEYS = [*_UNIFORM, *_NORMAL, *_LISTED, "distribution", "common"]
 
 
-def build_variation(section: VarySection, loops: Sequence[Loop], seed: int) -> Variation:
+def build_variation(
+    section: VarySection, loops: Sequence[Loop], seed: int, machines: list[str],
+    controllers: list[str],
+) -> Variation | None:  # fmt: skip
     """Return what varies, checked for every controller on every machine.
 
     Parameters
@@ -38,23 +41,29 @@ def build_variation(section: VarySection, loops: Sequence[Loop], seed: int) -> V
         All that will run.
     seed
         ``[simulation] seed``.
+    machines, controllers
+        All names, those that are refused among them: what varies of these alone is left out.
 
     Raises
     ------
     KeyedError
         Something in it is wrong; says at which key, and of which controller or machine.
     """
-    machines = list(dict.fromkeys(loop.machine_name for loop in loops))
-    controllers = list(dict.fromkeys(loop.controller_name for loop in loops))
     changes: dict[str, Change] = {}
+    left_out = False
     for written, value in _entries(section.model_extra or {}, ()):
         key: Key = ("vary", *written.split("."))
         path = "seed" if written == NOISE_SEED else written
         if path in changes:
             raise KeyedError(key, "stands already")
         with at(*key):
+            if not _varies(path, loops, machines, controllers):
+                left_out = True
+                continue
             dimension = _dimension(path, loops, machines, controllers)
         changes[path] = _change(value, key, dimension)
+    if left_out and not changes:
+        return None
     with at("vary"):
         variation = Variation(
             changes=changes, samples=section.samples, seed=section.seed, grid=section.grid
@@ -96,6 +105,18 @@ def _entries(table: Mapping[str, Any], above: tuple[str, ...]) -> list[tuple[str
         else:
             found.append((".".join(path), value))
     return found
+
+
+def _varies(path: str, loops: Sequence[Loop], machines: list[str], controllers: list[str]) -> bool:
+    """Return whether a path names something in any loop that runs."""
+    try:
+        return any(
+            without_name(path, loop.machine_name, loop.controller_name, machines, controllers)
+            is not None
+            for loop in loops
+        )
+    except ContourlabError:
+        return True  # said by what reads it
 
 
 def _dimension(

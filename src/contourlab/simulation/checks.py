@@ -10,7 +10,13 @@ import numpy as np
 from contourlab.configuration import snake_case
 from contourlab.contours.combined import CombinedAxes
 from contourlab.controllers.base import Controller
-from contourlab.errors import RefusedError, SimulationError, TravelError
+from contourlab.errors import (
+    ContourlabError,
+    GeometryError,
+    RefusedError,
+    SimulationError,
+    TravelError,
+)
 from contourlab.feedrate import Plan
 from contourlab.machines import Disturbance, IdentityTool, Machine
 from contourlab.recordings.reference import Reference
@@ -22,6 +28,7 @@ __all__ = [
     "check_seed",
     "check_travel",
     "snake_case",
+    "why_refused",
 ]
 
 
@@ -86,6 +93,29 @@ def check_loop(machine: Machine, controller: Controller, reference: Reference) -
             )
         _check_tool(machine, reference)
     check_travel(machine, reference)
+
+
+def why_refused(
+    machine: Machine, controller: Controller, reference: Reference
+) -> ContourlabError | None:
+    """Return why a law cannot run on a machine along a reference, None if it can.
+
+    Parameters
+    ----------
+    machine, controller, reference
+        As for ``simulate``.
+
+    Raises
+    ------
+    ConfigurationError, SimulationError
+        A value that is wrong wherever the law runs.
+    """
+    try:
+        check_loop(machine, controller, reference)
+        controller.bind(reference.contour, reference.sample_time)
+    except (RefusedError, TravelError, GeometryError) as error:
+        return error
+    return None
 
 
 def _check_axes_path(law: str, machine: Machine, reference: Reference) -> None:

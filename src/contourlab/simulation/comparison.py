@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from contourlab.controllers.base import Controller
-from contourlab.errors import SimulationError, choices
+from contourlab.errors import ContourlabError, RefusedError, SimulationError, choices
 from contourlab.feedrate import Plan
 from contourlab.machines import Disturbance, Machine
 from contourlab.recordings.corners import (
@@ -22,10 +22,17 @@ from contourlab.recordings.metrics import MetricValue
 from contourlab.recordings.recording import Recording
 from contourlab.recordings.reference import Reference
 from contourlab.simulation.blended_corners import blended_corners
-from contourlab.simulation.checks import as_reference
+from contourlab.simulation.checks import as_reference, check_seed
 from contourlab.simulation.draws import Listed, Variation
 from contourlab.simulation.engines import Engine, find_engine
-from contourlab.simulation.pairing import ONLY, Controllers, named_controllers, pair_loops
+from contourlab.simulation.pairing import (
+    ONLY,
+    Controllers,
+    Loop,
+    Refusal,
+    named_controllers,
+    pair_loops,
+)
 from contourlab.simulation.run import simulate
 from contourlab.simulation.spread import Spread, check_variable, run_spread
 
@@ -62,7 +69,7 @@ class Comparison:
     references: Mapping[str, Reference] = field(default_factory=dict)
     """By machine, if they differ."""
     pairs: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-    """Machine and controller of each of ``recordings``."""
+    """Machine and controller of each of ``rows``."""
     spread: Mapping[str, Spread] = field(default_factory=dict)
     """The metrics under variation, by the keys of ``recordings``; empty if nothing varied."""
     variation: Variation | None = None
@@ -73,6 +80,8 @@ class Comparison:
     """What else the report should say of how it was made, by name."""
     plans: Mapping[str, Plan] = field(default_factory=dict)
     """How the feed was planned, by machine if the references differ; empty if it was not."""
+    refusals: Mapping[str, Refusal] = field(default_factory=dict)
+    """Laws that have no recording on a machine, and why; by what their runs would be called."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -80,9 +89,26 @@ class Comparison:
         return tuple(self.recordings)
 
     @property
+    def rows(self) -> tuple[str, ...]:
+        """All that was asked for, in the order given: the runs, and what was refused or failed."""
+        return tuple(dict.fromkeys((*self.pairs, *self.recordings, *self.refusals)))
+
+    @property
     def runs(self) -> dict[tuple[str, str], Recording]:
         """The recordings by machine and controller."""
         return {self.pair(name): recording for name, recording in self.recordings.items()}
+
+    def status(self, name: str) -> str:
+        """Return how it went: ``normal``, where a run diverged, or why there is none.
+
+        Parameters
+        ----------
+        name
+            One of ``rows``.
+        """
+        if name in self.refusals:
+            return self.refusals[name].status
+        return self.recordings[name].status
 
     @property
     def several(self) -> bool:
@@ -95,7 +121,7 @@ class Comparison:
         Parameters
         ----------
         name
-            One of ``names``.
+            One of ``rows``.
         """
         return self.pairs.get(name, (next(iter(self.machines), ONLY), name))
 
@@ -173,20 +199,22 @@ class Comparison:
     def table(self) -> pd.DataFrame:
         """Return all metrics in SI: a row per run; a vector metric has a column per axis.
 
-        With several machines the index is machine and controller.
+        With several machines the index is machine and controller. A law that was refused or failed
+        has no figures (NaN), and its status says why.
         """
         import pandas as pd
 
         rows: dict[Any, dict[str, Any]] = {}
-        for who, recording in self.recordings.items():
+        for who in self.rows:
             row: dict[str, Any] = {}
-            for name, value in recording.metrics.items():
+            metrics = self.recordings[who].metrics if who in self.recordings else {}
+            for name, value in metrics.items():
                 if isinstance(value, list):
                     for axis, single in zip(self.machine_of(who).names, value, strict=True):
                         row[f"{name}_{axis}"] = single
                 else:
                     row[name] = value
-            row["status"] = recording.status
+            row["status"] = self.status(who)
             rows[self.pair(who) if self.several else who] = row
         table = pd.DataFrame.from_dict(rows, orient="index")
         if self.several:
@@ -214,7 +242,9 @@ def compare(
     """Run every controller on the same part, on one machine or on each of several.
 
     All controllers are checked and bound on all machines before the first one runs, so that a
-    mistake shows at once. A run that diverges ends early and says so; the others go on.
+    mistake shows at once. A run that diverges ends early and says so; the others go on. So do they
+    where a controller is refused, because a machine or the contour is not what it is for, or fails:
+    it is among ``refusals`` then.
 
     Parameters
     ----------
@@ -223,7 +253,8 @@ def compare(
     controllers
         By name, or a sequence; then each is called by its class in snake case, numbered if there
         are several of one class. In place of a controller, a mapping from names of machines to
-        controllers: its gains may differ from machine to machine, and it runs on these only.
+        controllers: its gains may differ from machine to machine, and it runs on these only; or the
+        ``RefusedError`` that making it ended in, which its row then says.
     reference
         As for ``simulate``: one for all machines, or one for each by name (then times and errors
         are of different motions).
@@ -254,20 +285,23 @@ def compare(
 
     Raises
     ------
-    RefusedError, TravelError
-        A controller cannot take the contour or a machine; the part leaves the travel.
-    SimulationError
-        Nothing to run, an unknown engine, unknown names, values to vary that do not exist or are
-        out of bounds.
+    RefusedError, TravelError, GeometryError
+        No controller can run on any machine; says why the first cannot.
+    SimulationError, ConfigurationError
+        Nothing to run, an unknown engine, unknown names, values that are out of bounds wherever the
+        law runs, values to vary that do not exist or are out of bounds.
     """
     engine = find_engine(engine)
+    check_seed(seed)
     named = isinstance(machine, Mapping)
     machines = dict(machine) if isinstance(machine, Mapping) else {ONLY: machine}
     by_machine = isinstance(reference, Mapping)
     plans = _plans(reference, next(iter(machines), ONLY))
     references, stops = _references(reference, machines, stops)
     controllers = named_controllers(controllers)
-    loops = pair_loops(machines, controllers, references, disturbances)
+    rows = pair_loops(machines, controllers, references, disturbances)
+    loops = {label: row for label, row in rows.items() if isinstance(row, Loop)}
+    refusals = {label: row for label, row in rows.items() if isinstance(row, Refusal)}
     find_corners(next(iter(references.values())).contour, radius=corner_radius)  # or say why not
     variation = _variation(vary)
     lanes = {}
@@ -282,14 +316,22 @@ def compare(
     def told(name: str) -> Callable[[float], None] | None:
         return None if progress is None else lambda done: progress(name, done)
 
-    recordings = {
-        label: simulate(
-            loop.machine, loop.controller, loop.reference, disturbances=loop.disturbances,
-            seed=seed, name=loop.controller_name, scenario=scenario, progress=told(label),
-            engine=engine,
-        )
-        for label, loop in loops.items()
-    }  # fmt: skip
+    recordings: dict[str, Recording] = {}
+    for label, loop in loops.items():
+        try:
+            recordings[label] = simulate(
+                loop.machine, loop.controller, loop.reference, disturbances=loop.disturbances,
+                seed=seed, name=loop.controller_name, scenario=scenario, progress=told(label),
+                engine=engine,
+            )  # fmt: skip
+        except ContourlabError as error:
+            refusals[label] = Refusal(
+                loop.machine_name, loop.controller_name, str(error),
+                failed=not isinstance(error, RefusedError),
+            )  # fmt: skip
+    if not recordings:
+        label = next(label for label in loops if label in refusals)
+        raise RefusedError(f"no controller could be run; {label} {refusals[label].status}")
     spread = {
         label: run_spread(
             loop.machine, loop.controller, loop.reference, lanes[label],
@@ -297,15 +339,15 @@ def compare(
             progress=told(f"{label}, {variation.n_samples} samples"),
         )
         for label, loop in loops.items()
-        if variation is not None
+        if variation is not None and label in recordings
     }  # fmt: skip
     first = next(iter(machines))
     return Comparison(
         recordings, references[first], machines[first], part, tuple(stops), scenario, title,
         machines=machines if named else {}, references=references if by_machine else {},
-        pairs={label: (loop.machine_name, loop.controller_name) for label, loop in loops.items()},
+        pairs={label: (row.machine_name, row.controller_name) for label, row in rows.items()},
         spread=spread, variation=variation, corner_radius=corner_radius, notes=tuple(notes),
-        plans=plans,
+        plans=plans, refusals={label: refusals[label] for label in rows if label in refusals},
     )  # fmt: skip
 
 

@@ -1,4 +1,7 @@
-"""Which controller runs on which machine, along which reference: checked before anything runs."""
+"""Which controller runs on which machine, along which reference: checked before anything runs.
+
+A law that a machine or the contour does not take is refused there and runs elsewhere.
+"""
 
 from __future__ import annotations
 
@@ -12,14 +15,38 @@ from contourlab.controllers.base import Controller
 from contourlab.errors import ContourlabError, RefusedError, SimulationError, choices
 from contourlab.machines import Disturbance, Machine
 from contourlab.recordings.reference import Reference
-from contourlab.simulation.checks import as_disturbances, check_loop, snake_case
+from contourlab.simulation.checks import as_disturbances, snake_case, why_refused
 
-__all__ = ["ONLY", "Controllers", "Loop", "named_controllers", "pair_loops", "run_label"]
+__all__ = [
+    "ONLY",
+    "Controllers",
+    "Loop",
+    "Refusal",
+    "named_controllers",
+    "pair_loops",
+    "run_label",
+]
 
 ONLY = "machine"
 """What the one machine of a comparison is called if it was given no name."""
 
-Controllers = Mapping[str, Controller | Mapping[str, Controller]]
+Controllers = Mapping[str, Controller | RefusedError | Mapping[str, Controller | RefusedError]]
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """A law that has no recording on a machine, and why."""
+
+    machine_name: str
+    controller_name: str
+    reason: str
+    failed: bool = False
+    """Whether it was taken, and could not be computed."""
+
+    @property
+    def status(self) -> str:
+        """What a table says: ``refused: ...`` or ``failed: ...``."""
+        return f"{'failed' if self.failed else 'refused'}: {self.reason}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,30 +104,35 @@ def pair_loops(
     controllers: Controllers,
     references: Mapping[str, Reference],
     disturbances: Sequence[Disturbance] | Disturbance,
-) -> dict[str, Loop]:
+) -> dict[str, Loop | Refusal]:
     """Return all loops of a comparison by what their runs are called, machine after machine.
+
+    In place of a loop stands why a law cannot run there.
 
     Parameters
     ----------
     machines, references
         By name of the machine; one or more.
     controllers
-        By name.
+        By name; an error in place of a controller is why it was refused when it was made.
     disturbances
         The same on every machine.
 
     Raises
     ------
-    RefusedError, TravelError
-        A controller cannot take the contour or a machine; the part leaves the travel.
-    SimulationError
-        Nothing to run, names that clash, machines with different axes or contours.
+    RefusedError, TravelError, GeometryError
+        No controller can run: each is refused by the contour or a machine, or the part leaves the
+        travel.
+    SimulationError, ConfigurationError
+        Nothing to run, a value that is wrong wherever the law runs, names that clash, machines with
+        different axes or contours.
     """
     if not controllers:
         raise SimulationError("compare needs one controller or more")
     _same_axes(machines)
     _same_contour(references)
-    loops: dict[str, Loop] = {}
+    found: dict[str, Loop | Refusal] = {}
+    errors: dict[str, ContourlabError] = {}
     for where, machine in machines.items():
         efforts = as_disturbances(disturbances, machine)
         own = _on(where, controllers, machines)
@@ -108,19 +140,36 @@ def pair_loops(
             raise SimulationError(f"no controller runs on machine {where}")
         for name, controller in own.items():
             label = run_label(where, name) if len(machines) > 1 else name
-            if label in loops:
+            if label in found:
                 raise SimulationError(f"two runs would be called {label!r}; rename a controller")
-            loops[label] = Loop(where, name, machine, controller, references[where], efforts)
-    for loop in loops.values():
+            if isinstance(controller, RefusedError):
+                found[label], errors[label] = Refusal(where, name, str(controller)), controller
+            else:
+                found[label] = Loop(where, name, machine, controller, references[where], efforts)
+    for label, loop in found.items():
+        if isinstance(loop, Refusal):
+            continue
         try:
-            check_loop(loop.machine, loop.controller, loop.reference)
-            loop.controller.bind(loop.reference.contour, loop.reference.sample_time)
-        except ContourlabError as error:
+            error = why_refused(loop.machine, loop.controller, loop.reference)
+        except ContourlabError as mistake:
             if len(machines) == 1:
                 raise
-            message = f"{loop.controller_name} on machine {loop.machine_name}: {error}"
-            raise type(error)(message) from error
-    return loops
+            raise _of_run(loop.controller_name, loop.machine_name, mistake) from mistake
+        if error is not None:
+            errors[label] = error
+            found[label] = Refusal(loop.machine_name, loop.controller_name, str(error))
+    if len(errors) == len(found):
+        label, first = next(iter(errors.items()))
+        refusal = found[label]
+        assert isinstance(refusal, Refusal)
+        if len(machines) == 1:
+            raise first
+        raise _of_run(refusal.controller_name, refusal.machine_name, first) from first
+    return found
+
+
+def _of_run(controller: str, machine: str, error: ContourlabError) -> ContourlabError:
+    return type(error)(f"{controller} on machine {machine}: {error}")
 
 
 def _same_axes(machines: Mapping[str, Machine]) -> None:
@@ -145,9 +194,9 @@ def _same_contour(references: Mapping[str, Reference]) -> None:
 
 def _on(
     machine: str, controllers: Controllers, machines: Mapping[str, Machine]
-) -> dict[str, Controller]:
-    """Return the controllers that run on a machine."""
-    found = {}
+) -> dict[str, Controller | RefusedError]:
+    """Return the controllers that run on a machine, or why they were refused."""
+    found: dict[str, Controller | RefusedError] = {}
     for name, controller in controllers.items():
         if isinstance(controller, Mapping):
             unknown = [where for where in controller if where not in machines]
