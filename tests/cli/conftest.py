@@ -14,7 +14,9 @@ def in_process(tmp_path, monkeypatch, capsys):
     # the program leaves interrupts ignored, which the test run must not
     monkeypatch.setattr(signal, "signal", lambda *_: None)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys.modules["contourlab.cli.main"], "_prepare", lambda: None)
+    for name, module in list(sys.modules.items()):
+        if name.startswith("contourlab.cli.") and hasattr(module, "keep_compiled"):
+            monkeypatch.setattr(module, "keep_compiled", lambda: None)
 
     def run(*arguments):
         monkeypatch.setattr(sys, "argv", ["contourlab", *arguments])

@@ -7,6 +7,10 @@ from typing import Annotated, Any
 
 import typer
 
+from contourlab.cli.compile_cache import keep_compiled
+from contourlab.cli.options import AsJson, Force, optional
+from contourlab.cli.printing import print_json, say
+
 __all__ = ["identify"]
 
 
@@ -14,44 +18,23 @@ def identify(
     logs: Annotated[
         list[Path], typer.Argument(help="Log, or several in order of time.", show_default=False)
     ],
-    actual: Annotated[
-        str | None,
-        typer.Option(help="Columns of measured positions, with commas.", show_default=False),
-    ] = None,
+    actual: Annotated[str | None, optional("Columns of measured positions, with commas.")] = None,
     command: Annotated[
         str | None,
-        typer.Option(
-            help="Columns of what the drives were told; the commanded positions if left out.",
-            show_default=False,
-        ),
+        optional("Columns of what the drives were told; the commanded positions if left out."),
     ] = None,
     commanded: Annotated[
-        str | None,
-        typer.Option(help="Columns of commanded positions, with commas.", show_default=False),
+        str | None, optional("Columns of commanded positions, with commas.")
     ] = None,
     kind: Annotated[
-        str | None,
-        typer.Option(
-            help="Of the command: voltage, force, velocity or position.", show_default=False
-        ),
+        str | None, optional("Of the command: voltage, force, velocity or position.")
     ] = None,
-    unit: Annotated[
-        str | None, typer.Option(help="Of the positions, such as mm.", show_default=False)
-    ] = None,
-    command_unit: Annotated[
-        str | None, typer.Option(help="Of the command.", show_default=False)
-    ] = None,
-    time: Annotated[str | None, typer.Option(help="Column of time.", show_default=False)] = None,
-    sample_time: Annotated[
-        str | None, typer.Option(help='Such as "1 ms".', show_default=False)
-    ] = None,
-    axes: Annotated[
-        str | None, typer.Option(help="Names of the axes, such as XY.", show_default=False)
-    ] = None,
-    known: Annotated[
-        str | None,
-        typer.Option(help='Known parameters: "viscous=25,delay=1 ms".', show_default=False),
-    ] = None,
+    unit: Annotated[str | None, optional("Of the positions, such as mm.")] = None,
+    command_unit: Annotated[str | None, optional("Of the command.")] = None,
+    time: Annotated[str | None, optional("Column of time.")] = None,
+    sample_time: Annotated[str | None, optional('Such as "1 ms".')] = None,
+    axes: Annotated[str | None, optional("Names of the axes, such as XY.")] = None,
+    known: Annotated[str | None, optional('Known parameters: "viscous=25,delay=1 ms".')] = None,
     spring: Annotated[
         str, typer.Option(help="Whether a spring holds the axes: auto, yes or no.")
     ] = "auto",
@@ -61,49 +44,32 @@ def identify(
     sweep: Annotated[
         str, typer.Option(help="Whether the record is a sweep: auto, yes or no.")
     ] = "auto",
-    window: Annotated[
-        str | None, typer.Option(help='Part of the record: "1 s,5 s".', show_default=False)
-    ] = None,
+    window: Annotated[str | None, optional('Part of the record: "1 s,5 s".')] = None,
     track: Annotated[
-        str | None,
-        typer.Option(
-            help='Parameters over time: window of one long record, such as "10 s".',
-            show_default=False,
-        ),
+        str | None, optional('Parameters over time: window of one long record, such as "10 s".')
     ] = None,
     false_alarms: Annotated[
         float, typer.Option(help="Chance of any false alarm over several records.")
     ] = 0.01,
     confidence: Annotated[float, typer.Option(help="Of the intervals.")] = 0.95,
-    output: Annotated[
-        Path | None,
-        typer.Option(help="Machine file to write, for compare.", show_default=False),
-    ] = None,
-    report: Annotated[
-        Path | None, typer.Option(help="HTML page to write.", show_default=False)
-    ] = None,
+    output: Annotated[Path | None, optional("Machine file to write, for compare.")] = None,
+    report: Annotated[Path | None, optional("HTML page to write.")] = None,
     suggest: Annotated[
         Path | None,
-        typer.Option(
-            help="CSV to write: a motion that tells everything, within what the log reached.",
-            show_default=False,
-        ),
+        optional("CSV to write: a motion that tells everything, within what the log reached."),
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object on standard output.")
-    ] = False,
-    force: Annotated[bool, typer.Option("--force", help="Replace files that exist.")] = False,
+    as_json: AsJson = False,
+    force: Force = False,
 ) -> None:
     """Find masses, friction, stiffness and delay from a log of positions and commands."""
     from contourlab.cli.identify_inputs import known_values, log_recording, numbers_of_window
     from contourlab.cli.identify_run import Identified, identify_records, refuse_unknown
-    from contourlab.cli.main import _prepare, _print_json, _say
     from contourlab.recordings.files import refuse_existing
     from contourlab.units import parse_quantity
 
     for name, value in (("spring", spring), ("sweep", sweep)):
         refuse_unknown(name, value)
-    _prepare()
+    keep_compiled()
     for file in (output, report, suggest):
         if file is not None:
             refuse_existing(file, force=force)
@@ -126,10 +92,10 @@ def identify(
     )  # fmt: skip
     found.write(output, report, suggest, force=force)
     if as_json:
-        _print_json(found.json(output, report, suggest))
+        print_json(found.json(output, report, suggest))
         return
     found.show()
-    _say(found.warnings)
+    say(found.warnings)
     for what, file in (("machine", output), ("report", report), ("motion", suggest)):
         if file is not None:
             typer.echo(f"{what}: {file}")
