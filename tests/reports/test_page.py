@@ -4,13 +4,14 @@ import dataclasses
 import json
 import re
 from html.parser import HTMLParser
+from importlib.resources import files
 
 import numpy as np
 import pytest
 
 from contourlab.errors import OutputError
 from contourlab.reports import write_report
-from contourlab.reports.page import script_json
+from contourlab.reports.html import script_json
 
 LINKS = {"src", "href", "srcset", "action", "data", "poster", "background", "cite", "formaction"}
 
@@ -208,3 +209,11 @@ def test_logs_without_commands_and_without_limits(comparison, tmp_path):
     reader = read(file.read_text(encoding="utf-8"))
     assert [panel["limit"] for panel in reader.data["commands"]] == [None, None]
     assert "no limit" in reader.text
+
+
+def test_every_page_has_the_head_of_one_template():
+    pages = [file for file in (files("contourlab.reports") / "templates").iterdir()
+             if file.name.endswith(".html") and file.name != "page.html"]  # fmt: skip
+    assert len(pages) == 3
+    for page in pages:
+        assert page.read_text(encoding="utf-8").startswith('{% extends "page.html" %}')

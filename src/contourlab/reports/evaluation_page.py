@@ -18,7 +18,7 @@ from contourlab.reports.evaluation_table import (
     headline,
     with_half_width,
 )
-from contourlab.reports.page import packed, script_json, template
+from contourlab.reports.html import packed, page_text, write_page
 from contourlab.reports.palette import look
 from contourlab.reports.polar_plot import polar_plot
 from contourlab.units import to_um
@@ -56,29 +56,21 @@ def write_evaluation(
     OutputError
         The file exists already, or cannot be written.
     """
-    from contourlab.recordings.files import atomic_file, refuse_existing
-
-    target = FilePath(file)
-    refuse_existing(target, force=force)
-    text = _page(evaluation)
-    with atomic_file(target, force=force) as temporary:
-        FilePath(temporary).write_text(text, encoding="utf-8")
-    return target
+    return write_page(lambda: _page(evaluation), file, force=force)
 
 
 def _page(evaluation: Evaluation) -> str:
-    import jinja2
     from markupsafe import Markup
-    from plotly.offline import get_plotlyjs
 
     import contourlab
 
-    environment = jinja2.Environment(
-        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
     log, test = evaluation.log, evaluation.circular
     unit = "s" if log.timed else "samples"
-    return environment.from_string(template("evaluation.html")).render(
+    return page_text(
+        "evaluation.html",
+        styles=("evaluation.css",),
+        scripts=("evaluation.js",),
+        data=_payload(evaluation),
         title=f"Contour error of {evaluation.title}",
         sentences=[_micro(sentence) for sentence in headline(evaluation)],
         figures=[(name, _micro(value)) for name, value in figure_rows(evaluation)],
@@ -101,10 +93,6 @@ def _page(evaluation: Evaluation) -> str:
             *((f"note {k}", note) for k, note in enumerate(log.notes, 1)),
             ("report written by", f"contourlab {contourlab.__version__}"),
         ],
-        style=Markup(template("report.css") + template("evaluation.css")),
-        script=Markup(template("theme.js") + template("evaluation.js")),
-        plotly=Markup(get_plotlyjs()),
-        data=Markup(script_json(_payload(evaluation))),
     )
 
 
@@ -157,8 +145,6 @@ def _payload(evaluation: Evaluation) -> dict[str, Any]:
         tracking = np.asarray(evaluation.recording["tracking_error"]) * 1e6
         curves += [(axis, curve(column)) for axis, column in zip(log.axes, tracking.T, strict=True)]
     return {
-        # what theme.js looks for on every page
-        "runs": [], "path": [], "spread": [], "shown": 2,
         "timed": log.timed,
         "magnification": factor,
         "coordinates": list(log.axes),

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contourlab.reports.decimation import kept_rows
-from contourlab.reports.page import packed
+from contourlab.reports.html import packed
 from contourlab.reports.palette import look
 
 if TYPE_CHECKING:

@@ -1,14 +1,11 @@
-"""The report of an identification: one HTML page that holds everything it shows.
-
-As the report of a comparison: plotly.js, styles and data are inside, and a content security policy
-forbids every request.
-"""
+"""The report of an identification as one HTML page."""
 
 from __future__ import annotations
 
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
+from contourlab.reports.html import page_text, write_page
 from contourlab.reports.identification_figures import (
     bode_figure,
     correlation_figure,
@@ -22,7 +19,6 @@ from contourlab.reports.identification_table import (
     parameter_rows,
     result_sentences,
 )
-from contourlab.reports.page import script_json, template
 
 if TYPE_CHECKING:
     from contourlab.identification import (
@@ -72,14 +68,9 @@ def write_identification_report(
     OutputError
         The file exists already, or cannot be written.
     """
-    from contourlab.recordings.files import atomic_file, refuse_existing
-
-    target = FilePath(file)
-    refuse_existing(target, force=force)
-    text = _page(found, responses, models, health, machine, notes, warnings)
-    with atomic_file(target, force=force) as temporary:
-        FilePath(temporary).write_text(text, encoding="utf-8")
-    return target
+    return write_page(
+        lambda: _page(found, responses, models, health, machine, notes, warnings), file, force=force
+    )
 
 
 def _page(
@@ -87,10 +78,6 @@ def _page(
     models: tuple[FrequencyModel, ...], health: Health | None, machine: str,
     notes: tuple[str, ...], warnings: tuple[str, ...],
 ) -> str:  # fmt: skip
-    import jinja2
-    from markupsafe import Markup
-    from plotly.offline import get_plotlyjs
-
     import contourlab
 
     sentences, tables, figures = [], [], []
@@ -144,16 +131,12 @@ def _page(
                 }
             )
             sentences += [_model_sentence(model) for model in models]
-    environment = jinja2.Environment(
-        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    return environment.from_string(template("identify.html")).render(
+    return page_text(
+        "identify.html", styles=(), scripts=("identify.js",), data=_payload(figures),
         title="What the machine is, from its log",
         sentences=[text.replace(" +- ", " ± ") for text in sentences or ["Nothing was found."]],
         warnings=list(dict.fromkeys(said)), tables=tables, figures=figures, facts=facts,
         notes=list(dict.fromkeys(remarks)), machine=machine,
-        style=Markup(template("report.css")), script=Markup(template("identify.js")),
-        plotly=Markup(get_plotlyjs()), data=Markup(script_json(_payload(figures))),
     )  # fmt: skip
 
 

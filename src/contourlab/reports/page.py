@@ -1,17 +1,11 @@
-"""The report: one HTML page that holds everything it shows and asks nobody for anything.
+"""The report of a comparison as one HTML page.
 
-plotly.js, styles and data are inside the file; a content security policy in its head forbids every
-request, so that a defect cannot turn into one. ``#magnification=500`` at the end of the page's
-address sets the factor.
+``#magnification=500`` at the end of the page's address sets the factor.
 """
 
 from __future__ import annotations
 
-import base64
-import json
 import math
-from functools import cache
-from importlib.resources import files
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +16,7 @@ from contourlab.reports.corner_table import corner_columns
 from contourlab.reports.decimation import kept_rows, shape_rows, spans
 from contourlab.reports.drawing import FAR_WORSE, Drawing, Run, make_drawing
 from contourlab.reports.feed_strip import feed_strip, said, strip_svg
+from contourlab.reports.html import packed, page_text, write_page
 from contourlab.reports.panels import command_panels
 from contourlab.reports.provenance import provenance
 from contourlab.reports.spread_table import SPREAD_METRICS, spread_rows, spread_sentences
@@ -31,7 +26,7 @@ from contourlab.reports.wording import command_limits, result_sentences, table_c
 if TYPE_CHECKING:
     from contourlab.simulation.comparison import Comparison
 
-__all__ = ["packed", "script_json", "template", "write_report"]
+__all__ = ["write_report"]
 
 CURVE_POINTS = 12_000
 DATA_BYTES = 4_000_000
@@ -73,27 +68,18 @@ def write_report(
     ConfigurationError
         The factor is not a finite number > 0.
     """
-    from contourlab.recordings.files import atomic_file, refuse_existing
-
-    target = FilePath(file)
-    refuse_existing(target, force=force)
-    text = _page(make_drawing(comparison, magnification))
-    with atomic_file(target, force=force) as temporary:
-        FilePath(temporary).write_text(text, encoding="utf-8")
-    return target
+    return write_page(lambda: _page(make_drawing(comparison, magnification)), file, force=force)
 
 
 def _page(drawing: Drawing) -> str:
-    import jinja2
-    from markupsafe import Markup
-    from plotly.offline import get_plotlyjs
-
-    environment = jinja2.Environment(
-        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
     comparison = drawing.comparison
     rows = _points_per_curve(drawing)
-    return environment.from_string(template("report.html")).render(
+    return page_text(
+        "report.html",
+        styles=(),
+        scripts=("runs.js", "figures.js", "report.js"),
+        data=_payload(drawing, rows),
+        looks=[run.look for run in drawing.runs],
         title=comparison.title or "Contouring comparison",
         sentences=[*result_sentences(drawing), *spread_sentences(comparison)],
         columns=table_columns(comparison),
@@ -119,10 +105,6 @@ def _page(drawing: Drawing) -> str:
         points_per_curve=rows,
         warnings=_warnings(drawing),
         provenance=provenance(comparison),
-        style=Markup(template("report.css")),
-        script=Markup(template("theme.js") + template("figures.js") + template("report.js")),
-        plotly=Markup(get_plotlyjs()),
-        data=Markup(script_json(_payload(drawing, rows))),
     )
 
 
@@ -180,30 +162,6 @@ def _warnings(drawing: Drawing) -> list[tuple[int | None, str, str]]:
     for k, run in enumerate(drawing.runs):
         found += [(k, run.name, text) for text in run.recording.warnings if text not in common]
     return found
-
-
-@cache
-def template(name: str) -> str:
-    """Return the text of a template.
-
-    Parameters
-    ----------
-    name
-        Of its file.
-    """
-    return (files("contourlab.reports") / "templates" / name).read_text(encoding="utf-8")
-
-
-def script_json(value: Any) -> str:
-    """Return JSON that is safe inside a ``<script>`` element, whatever its strings hold.
-
-    Parameters
-    ----------
-    value
-        Of dicts, lists, strings, finite numbers, None.
-    """
-    text = json.dumps(value, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
-    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
 def _points_per_curve(drawing: Drawing) -> int:
@@ -347,17 +305,3 @@ def _closeup(drawing: Drawing, run: Run) -> dict[str, Any] | None:
         "reference": (near.reference * 1e6).tolist(),
         "lag": near.lag * 1e6,
     }
-
-
-def packed(values: Any) -> dict[str, str]:
-    """Return numbers as base64: half the size of decimal text, and exact to seven digits.
-
-    Parameters
-    ----------
-    values
-        Whole or other numbers, in one dimension.
-    """
-    array = np.asarray(values)
-    kind = "i4" if array.dtype.kind in "iu" else "f4"
-    raw = np.ascontiguousarray(array, f"<{kind}").tobytes()
-    return {"type": kind, "data": base64.b64encode(raw).decode("ascii")}
