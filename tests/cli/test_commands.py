@@ -191,7 +191,8 @@ def test_several_machines_and_values_that_vary(folder, in_process):
         assert r["corners"]["count"] >= 1
         assert set(r["corners"]["overshoot"]) == {"worst", "median", "line"}
     assert {p.name for p in (folder / "out").iterdir()} == {
-        "report.html", "path.png", "contour_error.png", "commands.png", "feed.png",
+        "report.html", "path.png", "contour_error.png", "tracking_error.png", "commands.png",
+        "feed.png",
         "summary.png", "spread.png", "slow_on_a.nc", "fast_on_a.nc", "slow_on_b_c.nc",
         "fast_on_b_c.nc",
     }  # fmt: skip
@@ -222,6 +223,7 @@ def test_recordings_never_share_a_file():
             comparison_files(names)
     assert "spread.png" in comparison_files(["a"], vary=True)
     assert "spread.png" not in comparison_files(["a"])
+    assert "feed.png" in comparison_files(["a"], planned=True)
 
 
 def test_usage_and_version(folder, in_process):

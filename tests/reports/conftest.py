@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from contourlab.contours import Circle
+from contourlab.contours import Circle, Line
 from contourlab.contours.part import Part
 from contourlab.contours.path import Path
 from contourlab.machines import ball_screw_stage
@@ -214,6 +214,34 @@ def spatial_comparison(n_coordinates: int = 3) -> Comparison:
     return Comparison(recordings, reference, ball_screw_stage(), None, tuple(stops))
 
 
+def lone_comparison() -> Comparison:
+    """One axis alone: tracking errors, and a contour error past the end of the line only."""
+    n = 400
+    time = np.arange(n) * SAMPLE_TIME
+    parameter = np.minimum(0.1 * time, 0.03)
+    rate = np.where(parameter < 0.03, 0.1, 0.0)
+    reference = Reference.along(
+        Line(start=[0.0], end=[0.03]), sample_time=SAMPLE_TIME, parameter=parameter,
+        parameter_rate=rate, parameter_acceleration=0.0 * time, parameter_jerk=0.0 * time,
+    )  # fmt: skip
+    over = (2e-5 * np.sin(40 * time) * (time > 0.3))[:, None]
+    flat = made_up(bracket_comparison().reference, "pid", 1e-5).dataset
+    data = {
+        name: (rows.dims, np.asarray(rows)[:n, :1] if rows.ndim == 2 else np.asarray(rows)[:n])
+        for name, rows in flat.data_vars.items()
+    }
+    data |= {
+        "tool": (("time", "coordinate"), np.asarray(reference.position) + over),
+        "contour_error": (("time",), np.abs(over[:, 0])),
+        "contour_error_vector": (("time", "coordinate"), -over),
+        "foot_parameter": (("time",), parameter), "reference_parameter": (("time",), parameter),
+        "command_limit": (("axis",), np.full(1, 6.0)),
+    }  # fmt: skip
+    coords = {"time": ("time", time), "axis": ["X"], "coordinate": ["X"]}
+    recording = Recording(xr.Dataset(data, coords=coords, attrs=flat.attrs))
+    return Comparison({"pid": recording}, reference, ball_screw_stage())
+
+
 def refused_comparison() -> Comparison:
     """Two laws that ran between one that was refused and one that failed."""
     whole = bracket_comparison()
@@ -254,7 +282,7 @@ def made() -> SimpleNamespace:
     """What the tests of this folder build comparisons with."""
     return SimpleNamespace(
         bracket=bracket_comparison, spatial=spatial_comparison, hostile=hostile_comparison,
-        refused=refused_comparison,
+        refused=refused_comparison, lone=lone_comparison,
         bracket_path=bracket_path, bracket_part=bracket_part, travel=travel, recording=made_up,
         circle=circle_reference, hostile_text=HOSTILE,
     )  # fmt: skip

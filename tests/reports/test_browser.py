@@ -30,8 +30,8 @@ const probe = setInterval(() => {
       x: Array.from(curve.x), y: Array.from(curve.y),
       visible: figure.data.map((t) => t.visible !== false),
       note: figure.layout.annotations.map((a) => a.text), hash: location.hash,
-      ranges: ["error_time", "command"].map(
-        (id) => document.getElementById(id).layout.xaxis.range),
+      ranges: Object.fromEntries(["error_time", "error_distance", "tracking_error", "command"].map(
+        (id) => [id, document.getElementById(id).layout.xaxis.range])),
       hit: typeof window.hit, images: document.images.length,
       labels: [...document.querySelectorAll("#error_time .annotation-text")]
         .map((text) => text.textContent),
@@ -98,14 +98,12 @@ def before(chromium, report, tmp_path_factory):
     return probed(chromium, report, tmp_path_factory.mktemp("before"))[1]
 
 
-@pytest.mark.parametrize("how", ["slider", "field", "address"])
+@pytest.mark.parametrize("how", ["slider", "address"])
 def test_the_reader_changes_the_factor(chromium, report, before, tmp_path, how):
     # the slider is logarithmic from 1 to 10 000: the middle is 100, three quarters 1000
     act = {
         "slider": "const s = document.getElementById('slider'); s.value = 750;"
         "s.dispatchEvent(new Event('input'));",
-        "field": "const f = document.getElementById('factor'); f.value = 1000;"
-        "f.dispatchEvent(new Event('input'));",
         "address": "",
     }[how]
     fragment = "#magnification=1000" if how == "address" else ""
@@ -119,14 +117,22 @@ def test_the_reader_changes_the_factor(chromium, report, before, tmp_path, how):
     assert moved.max() > 1.0
 
 
-def test_a_key_hides_a_controller_and_times_zoom_together(chromium, report, tmp_path):
+@pytest.mark.parametrize("over", ["time", "distance"])
+def test_a_key_hides_a_controller_and_figures_zoom_together(chromium, report, tmp_path, over):
+    """And the field of the factor is heard, beside the slider and the address above."""
     act = (
+        "const f = document.getElementById('factor'); f.value = 1000;"
+        "f.dispatchEvent(new Event('input'));"
         "document.querySelectorAll('.key')[0].click();"
-        "Plotly.relayout('error_time', {'xaxis.range[0]': 1, 'xaxis.range[1]': 2});"
+        f"document.querySelector('[data-over={over}]').click();"
+        f"Plotly.relayout('error_{over}', {{'xaxis.range[0]': 1, 'xaxis.range[1]': 2}});"
     )
     _, state = probed(chromium, report, tmp_path, act)
     assert state["visible"].count(False) == 1
-    assert state["ranges"] == [[1, 2], [1, 2]]
+    zoomed = {name for name, ends in state["ranges"].items() if ends == [1, 2]}
+    assert zoomed == {f"error_{over}", "tracking_error", "command"}
+    assert state["hash"] == "#magnification=1000"
+    assert "deviation drawn 1,000 × larger" in state["note"]
 
 
 def test_hostile_texts_do_nothing(chromium, made, tmp_path):
@@ -145,6 +151,14 @@ def test_paths_in_space(chromium, made, tmp_path):
     visit, state = probed(chromium, file, tmp_path)
     assert visit.requests == ()
     assert set(state["types"]) == {"scatter3d"}
+
+
+def test_one_axis_alone_has_errors_and_commands_and_no_picture(chromium, made, tmp_path):
+    visit = chromium(write_report(made.lone(), tmp_path / "report.html"), "--dump-dom")
+    assert visit.attribute("data-errors") is None
+    assert visit.attribute("data-ready") == "1"
+    assert visit.dom.count('class="main-svg" ') >= 4
+    assert "deviations magnified" not in visit.dom
 
 
 def test_all_diverged(chromium, comparison, tmp_path):

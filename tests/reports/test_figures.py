@@ -13,7 +13,7 @@ from contourlab.reports import write_figures
 from contourlab.reports.canvas import draw_path, literal, new_figure
 from contourlab.reports.drawing import make_drawing
 
-NAMES = ["path.png", "contour_error.png", "commands.png", "summary.png"]
+NAMES = ["path.png", "contour_error.png", "tracking_error.png", "commands.png", "summary.png"]
 
 
 def inked(file) -> float:
@@ -22,7 +22,7 @@ def inked(file) -> float:
         return float(np.mean(np.asarray(image.convert("L")) < 250))
 
 
-def test_four_figures_are_written(comparison, tmp_path):
+def test_the_figures_are_written(comparison, tmp_path):
     files = write_figures(comparison, tmp_path / "new")
     assert [file.name for file in files] == NAMES
     assert sorted(p.name for p in (tmp_path / "new").iterdir()) == sorted(NAMES)
@@ -43,6 +43,12 @@ def test_nothing_is_written_if_one_exists(comparison, tmp_path):
 @pytest.mark.parametrize("n_coordinates", [3, 4])
 def test_paths_in_space(made, tmp_path, n_coordinates):
     files = write_figures(made.spatial(n_coordinates), tmp_path)
+    assert all(inked(file) > 0.01 for file in files)
+
+
+def test_one_axis_alone_has_no_picture_of_a_path(made, tmp_path):
+    files = write_figures(made.lone(), tmp_path)
+    assert [file.name for file in files] == NAMES[1:]
     assert all(inked(file) > 0.01 for file in files)
 
 

@@ -198,7 +198,8 @@ def test_terminal_and_json(several):
 
 def test_the_figure_of_the_spread(several, tmp_path):
     files = [file.name for file in write_figures(several, tmp_path)]
-    assert files == ["path.png", "contour_error.png", "commands.png", "summary.png", "spread.png"]
+    errors = ["contour_error.png", "tracking_error.png"]
+    assert files == ["path.png", *errors, "commands.png", "summary.png", "spread.png"]
     assert (tmp_path / "spread.png").read_bytes()[:4] == b"\x89PNG"
 
 

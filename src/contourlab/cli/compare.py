@@ -35,7 +35,9 @@ def compare(
     keep_compiled()
     ready = read_scenario(scenario, part=part)
     if output is not None:
-        names = comparison_files(ready.runs, vary=ready.variation is not None)
+        names = comparison_files(
+            ready.runs, vary=ready.variation is not None, planned=ready.planned
+        )
         refuse_files(output, names, force=force)
     with RunProgress(quiet=as_json) as progress:
         result = ready.compare(progress.update, engine=engine)

@@ -33,8 +33,8 @@ __all__ = [
 ]
 
 REPORT = "report.html"
-FIGURES = ("path.png", "contour_error.png", "commands.png", "summary.png")
-SPREAD_FIGURE = "spread.png"
+FIGURES = ("path.png", "contour_error.png", "tracking_error.png", "commands.png", "summary.png")
+SPREAD_FIGURE, FEED_FIGURE = "spread.png", "feed.png"
 EVALUATION_FILES = (REPORT, "evaluated.nc")
 
 
@@ -49,7 +49,9 @@ def recording_file(name: str) -> str:
     return f"{re.sub(r'[^A-Za-z0-9_.-]+', '_', name).lstrip('.') or 'controller'}.nc"
 
 
-def comparison_files(runs: Iterable[str], *, vary: bool = False) -> list[str]:
+def comparison_files(
+    runs: Iterable[str], *, vary: bool = False, planned: bool = False
+) -> list[str]:
     """Return the names of the files that a comparison writes.
 
     Parameters
@@ -58,6 +60,8 @@ def comparison_files(runs: Iterable[str], *, vary: bool = False) -> list[str]:
         Their names.
     vary
         Whether values vary, which gives a figure more.
+    planned
+        Whether the feed is planned, likewise.
 
     Raises
     ------
@@ -69,7 +73,8 @@ def comparison_files(runs: Iterable[str], *, vary: bool = False) -> list[str]:
     for k, name in enumerate(files):
         if folded[k] in folded[:k]:
             raise OutputError(f"two controllers would both be written to {name}; rename one")
-    return [REPORT, *FIGURES, *([SPREAD_FIGURE] if vary else []), *files]
+    more = [name for name, made in ((SPREAD_FIGURE, vary), (FEED_FIGURE, planned)) if made]
+    return [REPORT, *FIGURES, *more, *files]
 
 
 def refuse_files(folder: Path, names: Iterable[str], *, force: bool) -> None:

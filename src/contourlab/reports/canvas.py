@@ -17,14 +17,15 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
-    "INK", "MUTED", "PATH", "bare", "draw_diverged", "draw_error", "draw_path", "legend_below",
-    "literal", "new_figure", "write_png",
+    "INK", "MUTED", "PATH", "RULE", "SHOWN_STOPS", "bare", "draw_diverged", "draw_error",
+    "draw_path", "legend_below", "literal", "new_figure", "write_png",
 ]  # fmt: skip
 
 INK, MUTED, PATH, RULE, GRID = "#1b1f24", "#5b6570", "#8b949e", "#c3cad2", "#e8ebef"
 DPI = 160
 CURVE_POINTS = 20_000
 SHOWN_STOPS = 300
+"""More exact stops than this are not drawn as lines over curves."""
 
 
 def literal(text: str, limit: int = 110) -> str:

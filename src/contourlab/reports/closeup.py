@@ -37,7 +37,7 @@ class Closeup:
 
 
 def closeup(drawing: Drawing, run: Run) -> Closeup | None:
-    """Return the neighbourhood of a run's worst point, None if it diverged or has no error.
+    """Return the neighbourhood of a run's worst point; None if it diverged or has no error.
 
     In the plane the window's directions are the axes; in space, along the path and from the path
     to the tool.
@@ -49,7 +49,7 @@ def closeup(drawing: Drawing, run: Run) -> Closeup | None:
     run
         One of its runs.
     """
-    if run.worst is None:
+    if run.worst is None or drawing.shown == 1:
         return None
     size = float(np.linalg.norm(run.vector[run.worst]))
     if not (np.isfinite(size) and size > 0.0):

@@ -160,8 +160,8 @@ class Drawing:
 
     @property
     def shown(self) -> int:
-        """How many coordinates the picture of the path shows: 2 or 3."""
-        return 3 if len(self.coordinates) == 3 else 2
+        """How many coordinates the picture of the path shows: 2 or 3; 1 if there is no picture."""
+        return 3 if len(self.coordinates) == 3 else min(len(self.coordinates), 2)
 
     @property
     def projection(self) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +12,9 @@ import numpy as np
 from contourlab.reports.canvas import (
     INK,
     MUTED,
+    PATH,
+    RULE,
+    SHOWN_STOPS,
     bare,
     draw_error,
     draw_path,
@@ -23,7 +26,7 @@ from contourlab.reports.canvas import (
 from contourlab.reports.decimation import kept_rows, spans
 from contourlab.reports.drawing import Drawing, Run, make_drawing
 from contourlab.reports.feed_strip import feed_figure, feed_strip
-from contourlab.reports.panels import Panel, command_panels
+from contourlab.reports.panels import Panel, command_panels, tracking_panels
 from contourlab.reports.strips import spread_figure
 from contourlab.reports.wording import command_limits, result_sentences
 from contourlab.units import to_um
@@ -49,7 +52,7 @@ def write_figures(
     magnification: float | None = None,
     force: bool = False,
 ) -> list[FilePath]:
-    """Write a comparison as PNG: path, contour error, commands, summary, feed and spread.
+    """Write a comparison as PNG: path, errors, commands, summary, feed and spread.
 
     Parameters
     ----------
@@ -65,8 +68,9 @@ def write_figures(
     Returns
     -------
     list of pathlib.Path
-        The files; ``commands.png`` only if commands were recorded, ``spread.png`` only if values
-        varied, ``feed.png`` only if the feed was planned.
+        The files; ``path.png`` only of two coordinates or more, ``commands.png`` and
+        ``tracking_error.png`` only of what was recorded, ``spread.png`` only if values varied,
+        ``feed.png`` only if the feed was planned.
 
     Raises
     ------
@@ -80,13 +84,17 @@ def write_figures(
     makers: dict[str, Callable[[Drawing], Figure]] = {
         "path": _path_figure,
         "contour_error": _error_figure,
+        "tracking_error": _tracking_figure,
         "commands": _command_figure,
         "summary": _summary_figure,
         "spread": spread_figure,
         "feed": _feed_figure,
     }
-    if not any("command" in r.dataset for r in comparison.recordings.values()):
-        del makers["commands"]
+    for name, signal in (("commands", "command"), ("tracking_error", "tracking_error")):
+        if not any(signal in r.dataset for r in comparison.recordings.values()):
+            del makers[name]
+    if np.shape(next(iter(comparison.recordings.values()))["tool"])[1] == 1:
+        del makers["path"]  # of one axis alone there is no picture
     if not comparison.spread:
         del makers["spread"]
     if not comparison.plans:
@@ -146,20 +154,56 @@ def _error_figure(drawing: Drawing) -> Figure:
 
 def _command_figure(drawing: Drawing) -> Figure:
     panels = command_panels(drawing)
-    figure = new_figure(10.0, min(1.1 + 1.75 * len(panels), 40.0))
-    rows = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    figure, rows = _axis_figure(drawing, panels)
     for panel, axes in zip(panels, rows, strict=True):
-        bare(axes)
-        axes.margins(x=0.0)
         for run in drawing.worst_first:
             if run in panel.runs:
                 _draw_command(axes, run, panel.axis)
         title = literal(panel.title, 50) + _draw_limit(axes, panel)
         axes.set_title(title, loc="left", fontsize=10, color=INK)
         axes.set_ylabel(f"command [{panel.unit}]", color=MUTED)
+    return figure
+
+
+def _tracking_figure(drawing: Drawing) -> Figure:
+    panels = tracking_panels(drawing)
+    figure, rows = _axis_figure(drawing, panels)
+    for panel, axes in zip(panels, rows, strict=True):
+        _draw_tracking(axes, drawing, panel)
+    return figure
+
+
+def _draw_tracking(axes: Axes, drawing: Drawing, panel: Panel) -> None:
+    axes.axhline(0.0, color=RULE, lw=1.0, zorder=1)
+    largest = 0.0
+    for run in drawing.worst_first:
+        if run not in panel.runs:
+            continue
+        error = np.asarray(run.recording["tracking_error"], float)[: len(run.time), panel.axis]
+        kept = kept_rows(len(error), CURVE_POINTS, [error])
+        axes.plot(run.time[kept], 1e6 * error[kept], color=run.look.light,
+                  ls=run.look.line_style, lw=1.0)  # fmt: skip
+        if run in drawing.framed:  # one far worse leaves the picture
+            largest = max(largest, 1e6 * float(np.nanmax(np.abs(error), initial=0.0)))
+    if 0.0 < largest < np.inf:
+        axes.set_ylim(-1.1 * largest, 1.1 * largest)
+    axes.set_title(literal(panel.title, 50), loc="left", fontsize=10, color=INK)
+    axes.set_ylabel("tracking error [µm]", color=MUTED)
+
+
+def _axis_figure(drawing: Drawing, panels: Sequence[Panel]) -> tuple[Figure, Any]:
+    """Return an empty figure of rows over a common time."""
+    figure = new_figure(10.0, min(1.1 + 1.75 * len(panels), 40.0))
+    rows = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    for axes in rows:
+        bare(axes)
+        axes.margins(x=0.0)
+        if drawing.one_motion and len(drawing.stops.time) <= SHOWN_STOPS:
+            for at in drawing.stops.time:
+                axes.axvline(at, color=PATH, lw=0.8, ls=":", zorder=1)
     rows[-1].set_xlabel("time [s]", color=MUTED)
     legend_below(figure, drawing, worst=False)
-    return figure
+    return figure, rows
 
 
 def _draw_command(axes: Axes, run: Run, axis: int) -> None:
@@ -199,8 +243,14 @@ def _summary_figure(drawing: Drawing) -> Figure:
     halves: Any = figure.subfigures(1, 2, width_ratios=(1.45, 1.0), wspace=0.02)
     left, right = halves
     axes = left.add_subplot(projection="3d") if drawing.shown == 3 else left.add_subplot()
-    draw_path(axes, drawing)
-    axes.set_title(_path_title(drawing), loc="left", fontsize=10, color=MUTED)
+    if drawing.shown > 1:
+        draw_path(axes, drawing)
+        axes.set_title(_path_title(drawing), loc="left", fontsize=10, color=MUTED)
+    else:
+        bare(axes)
+        for panel in tracking_panels(drawing)[:1]:
+            _draw_tracking(axes, drawing, panel)
+        axes.set_xlabel("time [s]", color=MUTED)
     shown = drawing.runs[:BARS]
     bars, curve = right.subplots(2, 1, height_ratios=(0.4 + 0.52 * len(shown), 2.2))
     full = max(run.largest for run in drawing.framed) or 1.0

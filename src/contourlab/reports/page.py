@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from contourlab.reports.canvas import SHOWN_STOPS
 from contourlab.reports.closeup import closeup
 from contourlab.reports.corner_table import corner_columns
 from contourlab.reports.decimation import kept_rows, shape_rows, spans
 from contourlab.reports.drawing import FAR_WORSE, Drawing, Run, make_drawing
 from contourlab.reports.feed_strip import feed_strip, said, strip_svg
 from contourlab.reports.html import packed, page_text, write_page
-from contourlab.reports.panels import command_panels
+from contourlab.reports.panels import Panel, command_panels, tracking_panels
 from contourlab.reports.provenance import provenance
 from contourlab.reports.spread_table import SPREAD_METRICS, spread_rows, spread_sentences
 from contourlab.reports.strips import Strip, strips_of
@@ -31,8 +32,6 @@ __all__ = ["write_report"]
 CURVE_POINTS = 12_000
 DATA_BYTES = 4_000_000
 """Room for the curves of all controllers; with many of them each is drawn with fewer points."""
-SHOWN_STOPS = 300
-"""More exact stops than this are not drawn as lines over the error curves."""
 
 
 def write_report(
@@ -77,7 +76,7 @@ def _page(drawing: Drawing) -> str:
     return page_text(
         "report.html",
         styles=(),
-        scripts=("runs.js", "figures.js", "report.js"),
+        scripts=("runs.js", "figures.js", "axis_figures.js", "report.js"),
         data=_payload(drawing, rows),
         looks=[run.look for run in drawing.runs],
         title=comparison.title or "Contouring comparison",
@@ -93,14 +92,15 @@ def _page(drawing: Drawing) -> str:
         corners=corner_columns(comparison),
         n_corners=max((len(passes) for passes in comparison.corners.values()), default=0),
         corner_radius=f"{comparison.corner_radius * 1e3:.4g}",
-        planar=drawing.shown == 2,
+        has_path=drawing.shown > 1,
+        has_closeups=drawing.shown > 1 and bool(drawing.good),
         signed=drawing.signed,
         projection=drawing.projection,
         unlocated=not any(run.line.any() for run in drawing.runs),
         stops=len(drawing.stops.time),
         stops_drawn=len(drawing.stops.time) <= SHOWN_STOPS,
-        has_commands=any("command" in run.recording.dataset for run in drawing.runs),
-        has_tracking=any("tracking_error" in run.recording.dataset for run in drawing.runs),
+        has_commands=bool(command_panels(drawing)),
+        has_tracking=bool(tracking_panels(drawing)),
         thinned=[(run.name, len(run.time)) for run in drawing.runs if len(run.time) > rows],
         points_per_curve=rows,
         warnings=_warnings(drawing),
@@ -166,7 +166,7 @@ def _warnings(drawing: Drawing) -> list[tuple[int | None, str, str]]:
 
 def _points_per_curve(drawing: Drawing) -> int:
     n_axes = len(np.asarray(drawing.runs[0].recording["axis"]))
-    numbers = 4 + 2 * len(drawing.coordinates) + 1 + 2 * n_axes
+    numbers = 4 + 2 * len(drawing.coordinates) + 2 + 2 * n_axes
     return int(min(CURVE_POINTS, DATA_BYTES / (len(drawing.runs) * numbers * 5.4)))
 
 
@@ -182,17 +182,8 @@ def _payload(drawing: Drawing, n_points: int) -> dict[str, Any]:
         "shown": shown,
         "signed": drawing.signed,
         "far_worse": FAR_WORSE,
-        "axes": [str(name) for name in np.asarray(drawing.runs[0].recording["axis"])],
-        "commands": [
-            {
-                "axis": panel.axis,
-                "title": panel.title,
-                "unit": panel.unit,
-                "limit": _finite(panel.limit),
-                "runs": [numbers[run.name] for run in panel.runs],
-            }
-            for panel in command_panels(drawing)
-        ],
+        "commands": [_panel(panel, numbers, limited=True) for panel in command_panels(drawing)],
+        "tracking": [_panel(panel, numbers) for panel in tracking_panels(drawing)],
         "spread": [
             {
                 "title": strips.title,
@@ -212,6 +203,16 @@ def _payload(drawing: Drawing, n_points: int) -> dict[str, Any]:
             "times_shown": drawing.one_motion,
         },
         "runs": runs,
+    }
+
+
+def _panel(panel: Panel, numbers: dict[str, int], *, limited: bool = False) -> dict[str, Any]:
+    return {
+        "axis": panel.axis,
+        "title": panel.title,
+        "unit": panel.unit,
+        **({"limit": _finite(panel.limit)} if limited else {}),
+        "runs": [numbers[run.name] for run in panel.runs],
     }
 
 
@@ -283,6 +284,7 @@ def _axis_curves(run: Run, n_points: int) -> dict[str, Any]:
             saturated.append([[run.time[a], run.time[min(b + 1, n - 1)]] for a, b in at])
     return {
         "time": packed(run.time[kept]),
+        "distance": packed(run.distance[kept] * 1e3),
         "saturated": saturated,
         **{name: [packed(row[kept]) for row in rows] for name, rows in curves.items()},
     }

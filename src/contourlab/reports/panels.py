@@ -1,4 +1,4 @@
-"""Which axes and machines share a plot of commands: those with the same unit and limit."""
+"""Which runs share a plot of one axis: of commands, those with the same unit and limit."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy as np
 from contourlab.reports.drawing import Drawing, Run
 from contourlab.reports.wording import command_limits, command_unit
 
-__all__ = ["Panel", "command_panels"]
+__all__ = ["Panel", "command_panels", "tracking_panels"]
 
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """One row of the figure of commands."""
+    """One row of a figure over all axes."""
 
     axis: int
     title: str
@@ -59,3 +59,18 @@ def command_panels(drawing: Drawing) -> list[Panel]:
                 )
             )
     return panels
+
+
+def tracking_panels(drawing: Drawing) -> list[Panel]:
+    """Return the rows of the figure of tracking errors, one per axis; empty if none was recorded.
+
+    Parameters
+    ----------
+    drawing
+        The comparison.
+    """
+    runs = tuple(run for run in drawing.runs if "tracking_error" in run.recording.dataset)
+    return [
+        Panel(axis=axis, title=str(label), unit="µm", limit=math.inf, runs=runs)
+        for axis, label in enumerate(np.asarray(runs[0].recording["axis"]) if runs else ())
+    ]

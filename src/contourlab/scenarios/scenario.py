@@ -95,6 +95,11 @@ class Scenario:
         return self._first.stops
 
     @property
+    def planned(self) -> bool:
+        """Whether the feed was planned, on any machine."""
+        return any(isinstance(setup.motion, Plan) for setup in self.setups.values())
+
+    @property
     def _first(self) -> Setup:
         return next(iter(self.setups.values()))
 

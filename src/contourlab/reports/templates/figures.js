@@ -166,7 +166,7 @@ function pathInSpace(factor, look) {
   };
 }
 
-function errorFigure(key, title) {
+function errorFigure(key) {
   const look = theme();
   const traces = [], annotations = [];
   const inside = framed(), named = labelled();
@@ -196,16 +196,11 @@ function errorFigure(key, title) {
         { ayref: "y", xanchor: x[k] < first + 0.5 * (last - first) ? "left" : "right" }));
     }
   }
-  const stopped = data.stops.lines_shown && (key === "distance" || data.stops.times_shown);
-  const shapes = !stopped ? [] : data.stops[key].map((at) => ({
-    type: "line", x0: at, x1: at, y0: 0, y1: 1, yref: "paper", layer: "below",
-    line: { color: look.path, width: 1, dash: "dot" },
-  }));
   return {
     traces,
     layout: {
-      ...baseLayout(look, narrow() ? 300 : 340), annotations, shapes,
-      xaxis: axis(look, title, { zeroline: false, range: [first, last + 1e-9] }),
+      ...baseLayout(look, narrow() ? 300 : 340), annotations, shapes: stopLines(look, key),
+      xaxis: axis(look, overTitle[key], { zeroline: false, range: [first, last + 1e-9] }),
       yaxis: axis(look, "contour error [µm]", {
         range: [data.signed ? low - step * (rows[-1] + 0.4) : 0, high + step * (rows[1] + 0.4)],
         zerolinewidth: 1.5,
@@ -251,65 +246,16 @@ function closeupFigure(run) {
   };
 }
 
-// one row per panel over a common time
-function axisFigure(key, panels) {
-  const look = theme(), inside = framed();
-  const count = panels.length, gap = 0.24 / Math.max(count, 2);
-  const traces = [], shapes = [], annotations = [];
-  const layout = baseLayout(look, Math.min(70 + (narrow() ? 150 : 180) * count, 1400));
-  const share = (1 - gap * (count - 1)) / count;
-  panels.forEach((panel, row) => {
-    const unit = panel.unit, limit = panel.limit;
-    const suffix = row === 0 ? "" : String(row + 1);
-    const top = 1 - row * (share + gap);
-    let [low, high] = [Infinity, -Infinity];
-    for (const run of data.drawn) {
-      if (!panel.runs.includes(data.runs.indexOf(run))) continue;
-      const y = run.axes[key] && run.axes[key][panel.axis];
-      if (!y) continue;
-      if (key === "command" ? !run.hidden : inside.includes(run)) {
-        const [a, b] = bounds(y);
-        [low, high] = [Math.min(low, a), Math.max(high, b)];
-      }
-      traces.push(line(run, look, run.axes.time, y, 1.3, {
-        yaxis: `y${suffix}`,
-        hovertemplate: `<b>${run.label.replace(/%/g, "&#37;")}</b><br>%{y:.4g} ${plain(unit)} at %{x:.4g} s<extra></extra>`,
-      }));
-      const saturated = (key === "command" && run.axes.saturated[panel.axis]) || [];
-      if (saturated.length) traces.push(shading(run, look, saturated, limit, suffix));
-    }
-    if (!(low <= high)) [low, high] = [-1, 1];
-    const peak = Math.max(Math.abs(low), Math.abs(high));
-    const pad = 0.08 * (high - low || peak || 1);
-    [low, high] = [low - pad, high + pad];
-    let title = `<b>${plain(panel.title)}</b>`;
-    if (typeof limit === "number" && peak >= 0.35 * limit) {
-      [low, high] = [Math.min(low, -1.12 * limit), Math.max(high, 1.12 * limit)];
-      for (const sign of [-1, 1]) {
-        shapes.push({
-          type: "line", xref: "paper", x0: 0, x1: 1, yref: `y${suffix}`, y0: sign * limit,
-          y1: sign * limit, line: { color: look.ink, width: 1, dash: "dash" },
-        });
-      }
-      title += `  limit ±${Number(limit.toPrecision(4))} ${plain(unit)}`;
-    } else if (limit !== undefined) {
-      title += limit === null ? "  no limit" :
-        `  limit ±${Number(limit.toPrecision(4))} ${plain(unit)}, outside the picture`;
-    }
-    annotations.push({
-      text: title, xref: "paper", yref: "paper", x: 0, y: top, xanchor: "left", yanchor: "bottom",
-      showarrow: false, font: { size: 12.5, color: look.ink },
-    });
-    layout[`yaxis${suffix}`] = axis(look, `[${plain(unit)}]`, {
-      domain: [Math.max(0, top - share), top], range: [low, high], anchor: "x", nticks: 6,
-    });
-  });
-  layout.xaxis = axis(look, "time [s]", {
-    anchor: count > 1 ? `y${count}` : "y", zeroline: false,
-    range: bounds(data.runs.flatMap((run) => bounds(run.axes.time))),
-  });
-  return { traces, layout: { ...layout, shapes, annotations } };
+// the exact stops as lines behind a figure over time or distance
+function stopLines(look, over) {
+  const drawn = data.stops.lines_shown && (over === "distance" || data.stops.times_shown);
+  return !drawn ? [] : data.stops[over].map((at) => ({
+    type: "line", x0: at, x1: at, y0: 0, y1: 1, yref: "paper", layer: "below",
+    line: { color: look.path, width: 1, dash: "dot" },
+  }));
 }
+
+const overTitle = { time: "time [s]", distance: "distance along the path [mm]" };
 
 // how the contour error is distributed over the samples: a strip per run, rms beside max
 function spreadFigure() {
@@ -379,16 +325,4 @@ function spreadFigure() {
     });
   });
   return { traces, layout: { ...layout, annotations } };
-}
-
-function shading(run, look, saturated, limit, suffix) {
-  const x = [], y = [];
-  for (const [from, to] of saturated) {
-    x.push(from, from, to, to, from, null);
-    y.push(-limit, limit, limit, -limit, -limit, null);
-  }
-  return {
-    type: "scatter", mode: "none", x, y, yaxis: `y${suffix}`, fill: "toself", hoverinfo: "skip",
-    visible: !run.hidden, fillcolor: faded(look.run(run), 0.16),
-  };
 }

@@ -1,8 +1,7 @@
 // The page: draws the figures, and draws again when the reader or the system changes something.
 
 const root = document.documentElement;
-const state = { factor: data.magnification };
-const inTime = ["error_time", "command", "tracking_error"];
+const state = { factor: data.magnification, over: "time" };
 const decade = (value) => Math.log10(value);
 const ceiling = Math.max(10, 10 ** Math.ceil(decade(data.magnification) + 1.5));
 
@@ -12,12 +11,10 @@ function draw(id, { traces, layout }) {
 
 const figures = {
   path: () => pathFigure(state.factor),
-  error_distance: () => errorFigure("distance", "distance along the path [mm]"),
-  error_time: () => errorFigure("time", "time [s]"),
-  command: () => axisFigure("command", data.commands),
-  tracking_error: () => axisFigure("tracking_error", data.axes.map((title, axis) => ({
-    axis, title, unit: "µm", runs: data.runs.map((run, k) => k),
-  }))),
+  error_distance: () => errorFigure("distance"),
+  error_time: () => errorFigure("time"),
+  tracking_error: () => axisFigure("tracking_error", data.tracking, state.over),
+  command: () => axisFigure("command", data.commands, state.over),
   spread: () => spreadFigure(),
 };
 
@@ -73,6 +70,7 @@ function showOutside() {
 }
 
 function showFactor() {
+  if (!document.getElementById("path")) return;  // of one axis alone there is no picture
   const shown = Number(state.factor.toPrecision(6));
   const field = document.getElementById("factor");
   if (document.activeElement !== field) field.value = shown;
@@ -82,7 +80,7 @@ function showFactor() {
 }
 
 function setFactor(factor, { remember = true } = {}) {
-  if (!(Number.isFinite(factor) && factor > 0)) return;
+  if (!(Number.isFinite(factor) && factor > 0 && document.getElementById("path"))) return;
   state.factor = factor;
   showFactor();
   draw("path", figures.path());
@@ -102,13 +100,13 @@ function factorInAddress() {
 // two digits, so that the slider stops at round numbers
 const rounded = (value) => Number(value.toPrecision(2));
 
-document.getElementById("slider").addEventListener("input", (event) => {
+document.getElementById("slider")?.addEventListener("input", (event) => {
   setFactor(rounded(10 ** (event.target.value / 1000 * decade(ceiling))));
 });
-document.getElementById("factor").addEventListener("input", (event) => {
+document.getElementById("factor")?.addEventListener("input", (event) => {
   setFactor(Number(event.target.value));
 });
-document.getElementById("initial").addEventListener("click", () => setFactor(data.magnification));
+document.getElementById("initial")?.addEventListener("click", () => setFactor(data.magnification));
 addEventListener("hashchange", () => {
   const factor = factorInAddress();
   if (factor !== null) setFactor(factor, { remember: false });
@@ -125,9 +123,25 @@ for (const key of document.querySelectorAll(".key")) {
   });
 }
 
+for (const key of document.querySelectorAll("[data-over]")) {
+  key.addEventListener("click", () => {
+    state.over = key.dataset.over;
+    for (const other of document.querySelectorAll("[data-over]")) {
+      other.setAttribute("aria-pressed", String(other === key));
+    }
+    for (const id of axisIds) {
+      if (document.getElementById(id)) draw(id, figures[id]());
+    }
+  });
+}
+
+// figures over the same quantity zoom together
+const axisIds = ["tracking_error", "command"];
+const overOf = (id) => (axisIds.includes(id) ? state.over : id === "error_time" ? "time" : "distance");
 let linking = false;
-function linkTimes() {
-  const present = inTime.filter((id) => document.getElementById(id));
+function linkZooms() {
+  const present = ["error_distance", "error_time", ...axisIds]
+    .filter((id) => document.getElementById(id));
   for (const id of present) {
     document.getElementById(id).on("plotly_relayout", (change) => {
       if (linking) return;
@@ -135,7 +149,8 @@ function linkTimes() {
       const zoom = Object.fromEntries(keys.filter((k) => k in change).map((k) => [k, change[k]]));
       if (!Object.keys(zoom).length) return;
       linking = true;
-      Promise.all(present.filter((other) => other !== id).map((other) => Plotly.relayout(other, zoom)))
+      const others = present.filter((other) => other !== id && overOf(other) === overOf(id));
+      Promise.all(others.map((other) => Plotly.relayout(other, zoom)))
         .finally(() => { linking = false; });
     });
   }
@@ -156,4 +171,4 @@ if (data.shown === 3 && !webgl) {
 makeCloseups();
 state.factor = factorInAddress() ?? state.factor;
 showFactor();
-drawAll().then(() => { linkTimes(); root.dataset.ready = "1"; });
+drawAll().then(() => { linkZooms(); root.dataset.ready = "1"; });

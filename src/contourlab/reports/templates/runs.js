@@ -4,7 +4,7 @@ for (const run of data.runs) {
   for (const key of ["time", "distance", "error", "line"]) run[key] = numbers(run[key]);
   run.foot = run.foot.map(numbers);
   run.vector = run.vector.map(numbers);
-  run.axes.time = numbers(run.axes.time);
+  for (const key of ["time", "distance"]) run.axes[key] = numbers(run.axes[key]);
   for (const key of ["command", "tracking_error"]) {
     if (run.axes[key]) run.axes[key] = run.axes[key].map(numbers);
   }
