@@ -30,6 +30,7 @@ def test_the_readme_call():
     )
     assert reference.parameter[-1] > 2 * np.pi  # goes round
     assert any("velocity step" in warning for warning in reference.warnings)
+    assert reference.motion_warnings == reference.warnings
 
 
 COUNTS = [(2.2, 1e-3, 2201), (0.3, 0.1, 4), (1.05, 0.1, 11), (1e-3, 1e-3, 2), (3600.0, 0.5, 7201)]

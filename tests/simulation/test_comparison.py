@@ -1,12 +1,15 @@
 """Several controllers on the same part."""
 
+import dataclasses
+
 import pytest
 
 import contourlab as cl
+from contourlab.controllers.base import Needs
 from contourlab.errors import ConfigurationError, RefusedError, SimulationError
 from contourlab.simulation.jax_engine import JaxEngine
 
-from .loops import Proportional, line_reference, velocity_stage
+from .loops import BoundProportional, Proportional, line_reference, velocity_stage
 
 
 def test_names_order_and_best():
@@ -85,6 +88,40 @@ def test_mistakes_and_laws_that_are_all_refused_end_before_the_first_runs():
     engine = Failing()
     engine.kind = SimulationError
     ends({"broken": Proportional(k=7.0)}, "broken failed: no such operation", engine=engine)
+
+
+class Planned(Proportional):
+    """A law that plans its own time, standing still."""
+
+    @property
+    def needs(self):
+        return Needs(command="velocity", own_time=True)
+
+    def bind(self, contour, sample_time):
+        return BoundPlanned(law=self)
+
+
+class BoundPlanned(BoundProportional):
+    def telemetry(self, state):
+        return {"path_parameter": 0.0 * state["ahead"][0]}
+
+
+def test_warnings_of_the_motion_are_for_those_who_follow_it():
+    reference = cl.replace(
+        line_reference(n=50), warnings=("a word was ignored", "it jumps"),
+        motion_warnings=("it jumps",),
+    )  # fmt: skip
+    laws = {"planned": Planned(k=20.0, stop_at=20), "follows": Proportional(k=20.0)}
+    result = cl.compare(velocity_stage(), laws, reference)
+    said = {name: recording.warnings for name, recording in result.recordings.items()}
+    assert "it jumps" not in said["planned"]
+    assert "a word was ignored" in said["planned"]
+    assert said["follows"][:2] == reference.warnings
+    assert result.reference_warnings == {"": reference.warnings}
+    alone = dataclasses.replace(
+        result, recordings={"planned": result.recordings["planned"]}, pairs={}
+    )
+    assert alone.reference_warnings == {"": ("a word was ignored",)}
 
 
 def test_nothing_to_compare():

@@ -54,8 +54,7 @@ def compare(
     spread = spread_table(result)
     if spread is not None:
         console.print(spread)
-    references = (result.reference, *result.references.values())
-    common = dict.fromkeys(w for reference in references for w in reference.warnings)
+    common = dict.fromkeys(w for said in result.reference_warnings.values() for w in said)
     say(common)
     for name, recording in result.recordings.items():
         own = [w for w in recording.warnings if w not in common]

@@ -73,11 +73,12 @@ def constant_rate(
         moving = parameter < last if rate > 0 else parameter > last
         parameter = np.where(moving, parameter, last)
     zero = np.zeros_like(time)
+    said = (STEP, *_corners(contour, parameter), *_ended(moving, time))
     return Reference.along(
         contour, sample_time=float(sample_time), parameter=parameter,
         parameter_rate=np.where(moving, rate, 0.0), parameter_acceleration=zero,
         parameter_jerk=zero,
-        warnings=(STEP, *_corners(contour, parameter), *_ended(moving, time)),
+        warnings=said, motion_warnings=said,
     )  # fmt: skip
 
 
@@ -123,10 +124,11 @@ def constant_feed(
         arc = np.where(moving, arc, table.length)
     zero = np.zeros_like(time)
     profile = table.time_derivatives(arc, np.where(moving, speed, 0.0), zero, zero)
+    said = (STEP, *_corners(contour, profile[0]), *_ended(moving, time))
     return Reference.along(
         contour, sample_time=dt, parameter=profile[0], parameter_rate=profile[1],
         parameter_acceleration=profile[2], parameter_jerk=profile[3],
-        warnings=(STEP, *_corners(contour, profile[0]), *_ended(moving, time)),
+        warnings=said, motion_warnings=said,
     )  # fmt: skip
 
 

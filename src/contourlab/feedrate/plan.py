@@ -207,8 +207,11 @@ def plan_feed(
             f"no plan within the limits was found: one is exceeded by {100 * (worst - 1):.3g} %; "
             "the contour is rougher than its samples show"
         )
-    said = (*blend_remarks(blends, stopped), *remarks(motion, axis_limits))
-    reference = replace(reference, warnings=(*program.warnings, *said))
+    of_motion = remarks(motion, axis_limits)
+    said = (*blend_remarks(blends, stopped), *of_motion)
+    reference = replace(
+        reference, warnings=(*program.warnings, *said), motion_warnings=tuple(of_motion)
+    )
     return Plan(
         reference=reference,
         stop_times=motion.arrives,

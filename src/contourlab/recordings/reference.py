@@ -60,6 +60,8 @@ class Reference(Configuration):
     contour: Contour = part()
     warnings: tuple[str, ...] = static(default=())
     """What the plan could not honour, in sentences."""
+    motion_warnings: tuple[str, ...] = static(default=())
+    """Those of them that tell how it moves: of no concern to a law that plans its own time."""
 
     def check(self) -> None:
         """Check that all records have one shape."""
@@ -87,6 +89,7 @@ class Reference(Configuration):
         parameter_acceleration: Any,
         parameter_jerk: Any,
         warnings: tuple[str, ...] = (),
+        motion_warnings: tuple[str, ...] = (),
     ) -> Reference:
         """Return the reference of a point that runs along a contour, axes being coordinates.
 
@@ -100,6 +103,8 @@ class Reference(Configuration):
             The contour parameter and its time derivatives at each sample, shape (n_samples,).
         warnings
             What the plan could not honour.
+        motion_warnings
+            Those of them that tell how it moves.
         """
         profile = [
             jnp.asarray(np.asarray(p, float))
@@ -110,6 +115,7 @@ class Reference(Configuration):
             sample_time=sample_time, parameter=parameter, parameter_rate=parameter_rate,
             parameter_acceleration=parameter_acceleration, position=rows[0], velocity=rows[1],
             acceleration=rows[2], jerk=rows[3], contour=contour, warnings=warnings,
+            motion_warnings=motion_warnings,
         )  # fmt: skip
 
     @property

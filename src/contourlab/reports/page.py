@@ -150,13 +150,13 @@ def _feeds(comparison: Comparison) -> list[dict[str, Any]]:
 def _warnings(drawing: Drawing) -> list[tuple[int | None, str, str]]:
     """Return all warnings once each: number of the controller if it is one's own, who, what."""
     comparison = drawing.comparison
-    references = comparison.references or {"": comparison.reference}
-    common = list(dict.fromkeys(w for one in references.values() for w in one.warnings))
+    references = comparison.reference_warnings
+    common = list(dict.fromkeys(text for said in references.values() for text in said))
     of_part = list(comparison.part.warnings) if comparison.part is not None else []
     found: list[tuple[int | None, str, str]] = [(None, "part", text) for text in of_part]
     for text in common:
         if text not in of_part:
-            of = [name for name, one in references.items() if text in one.warnings]
+            of = [name for name, said in references.items() if text in said]
             who = "reference" if len(of) == len(references) else f"reference of {', '.join(of)}"
             found.append((None, who, text))
     for k, run in enumerate(drawing.runs):

@@ -75,6 +75,6 @@ def reference_of_axes(contour: CombinedAxes, tool: Reference) -> Reference:
     axes = Reference.along(
         contour.axes, sample_time=float(np.asarray(tool.sample_time)), parameter=tool.parameter,
         parameter_rate=rate, parameter_acceleration=acceleration, parameter_jerk=jerk,
-        warnings=tool.warnings,
+        warnings=tool.warnings, motion_warnings=tool.motion_warnings,
     )  # fmt: skip
     return replace(axes, contour=contour)

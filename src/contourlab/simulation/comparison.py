@@ -145,6 +145,22 @@ class Comparison:
         """
         return self.references.get(self.pair(name)[0], self.reference)
 
+    @property
+    def reference_warnings(self) -> dict[str, tuple[str, ...]]:
+        """Warnings of each reference, by machine if they differ, else under ``""``.
+
+        Of how it moves only where a run follows it.
+        """
+        said = {sentence for one in self.recordings.values() for sentence in one.warnings}
+        return {
+            name: tuple(
+                sentence
+                for sentence in reference.warnings
+                if sentence not in reference.motion_warnings or sentence in said
+            )
+            for name, reference in (self.references or {"": self.reference}).items()
+        }
+
     @functools.cached_property
     def corners(self) -> dict[str, tuple[CornerPass, ...]]:
         """How each run takes the corners of the path, by run; empty if the path has none."""

@@ -93,7 +93,13 @@ def build_recording(
         else:
             inner = [last.get(s, f"{label}_{i}") for i, s in enumerate(rows.shape[1:])]
             data[label] = (("time", *inner), rows)
-    warnings = [*reference.warnings, *_cut_short(controller.needs, reference)]
+    followed = () if controller.needs.own_time else reference.motion_warnings
+    warnings = [
+        sentence
+        for sentence in reference.warnings
+        if sentence in followed or sentence not in reference.motion_warnings
+    ]
+    warnings += _cut_short(controller.needs, reference)
     attributes: dict[str, Any] = {
         "contourlab": contourlab.__version__,
         "controller": name,
