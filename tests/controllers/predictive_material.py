@@ -18,7 +18,8 @@ BESIDE = {"form": "independent", "disturbance_plant": False}
 
 def model(n=2, *, stiffness=None, limit=np.inf, coulomb=0.0):
     return NominalModel(
-        mass=np.array([45.0, 44.9, 60.0])[:n], viscous=np.array([279.0, 280.0, 200.0])[:n],
+        mass=np.array([45.0, 44.9, 60.0, 50.0])[:n],
+        viscous=np.array([279.0, 280.0, 200.0, 250.0])[:n],
         coulomb=np.full(n, coulomb), gain=np.ones(n), command_limit=np.full(n, limit),
         command="force", stiffness=stiffness,
     )  # fmt: skip

@@ -578,6 +578,10 @@ def test_what_it_cannot_take_is_refused():
     with pytest.raises(ConfigurationError, match="one for each of the 2 axes"):
         law(machine, velocity_limit=(1.0, 1.0, 1.0)).bind(EIGHT, T)
     model = machine.nominal
+    four = {name: np.ones(4) for name in ("mass", "viscous", "coulomb", "gain", "command_limit")}
+    where = r"2 or 3 axes, the model has 4.*PredictiveContouring takes.*InternalModelContouring"
+    with pytest.raises(RefusedError, match=where):
+        ModelPredictiveContouring(model=NominalModel(**four, command="force"), speed_limit=0.1)
     with pytest.raises(RefusedError, match="closes the position loop itself"):
         ModelPredictiveContouring(model=cl.replace(model, command="position"), speed_limit=0.1)
 

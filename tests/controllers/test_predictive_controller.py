@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import contourlab as cl
-from contourlab.contours import Circle
+from contourlab.contours import Circle, Lissajous
 from contourlab.controllers.held_model import held_polynomials
 from contourlab.errors import ConfigurationError, RefusedError
 from contourlab.machines.base import NominalModel
@@ -103,6 +103,9 @@ def test_what_cannot_be_bound_is_said():
     contour = Circle(radius=0.02)
     with pytest.raises(RefusedError, match="needs one axis for each coordinate"):
         law(3).bind(contour, T)
+    with pytest.raises(RefusedError, match=r"4 axes, the contour 2.*InternalModelContouring"):
+        law(4).bind(contour, T)
+    law(4).bind(Lissajous(amplitudes=[0.01] * 4, frequencies=[1.0, 2.0, 3.0, 4.0]), T)
     with pytest.raises(ConfigurationError, match="one for each of the 2 axes, got shape"):
         law(noise_polynomial=np.ones((3, 1))).bind(contour, T)
     with pytest.raises(ConfigurationError, match="sample_time must be > 0 s"):

@@ -162,6 +162,38 @@ def refuse_position_command(name: str, model: NominalModel) -> None:
         )
 
 
+SHARED_AXES = (
+    "laws in the position domain, such as InternalModelContouring, give each axis a place of "
+    "its own"
+)
+"""Where a law that does not say how axes share a coordinate sends its user."""
+
+
+def refuse_unlike_axes(law: str, n_axes: int, contour: Contour) -> None:
+    """Raise RefusedError unless a contour has one coordinate for each axis.
+
+    Parameters
+    ----------
+    law
+        Name of the law, for the message.
+    n_axes
+        Axes that it commands.
+    contour
+        What it is to follow.
+    """
+    if contour.n_axes == n_axes:
+        return
+    shared = (
+        "; how axes would share a correction of the tool point is not defined here: " + SHARED_AXES
+        if n_axes > contour.n_axes
+        else ""
+    )
+    raise RefusedError(
+        f"{law} needs one axis for each coordinate of the contour: it has {n_axes} axes, the "
+        f"contour {contour.n_axes} coordinates{shared}"
+    )
+
+
 def per_axis(name: str, value: Any, n_axes: int) -> Array:
     """Return a value for every axis, shape (n_axes,), where a law is bound.
 

@@ -74,10 +74,11 @@ from contourlab.controllers.axis_controller import (
     clip,
     per_axis,
     refuse_no_axis_law,
+    refuse_unlike_axes,
 )
 from contourlab.controllers.base import BoundController, Controller, Needs
 from contourlab.controllers.filtered_derivative import DerivativeState, FilteredDerivative
-from contourlab.errors import ConfigurationError, RefusedError
+from contourlab.errors import ConfigurationError
 from contourlab.recordings.sample import Sample
 from contourlab.typing import Array, AxisVector, Count, Scalar
 
@@ -326,26 +327,6 @@ class BoundCrossCoupled(BoundController):
     def _controlled(self, estimate: AxisVector, tangent: AxisVector) -> AxisVector:
         """Return the part of the estimate that the PID acts on."""
         return estimate - tangent * (tangent @ estimate) if self.follows_path else estimate
-
-
-def refuse_unlike_axes(law: str, n_axes: int, contour: Contour) -> None:
-    """Raise RefusedError unless a contour has one coordinate for each axis.
-
-    Parameters
-    ----------
-    law
-        Name of the law, for the message.
-    n_axes
-        Axes of the law.
-    contour
-        What it is to follow.
-    """
-    if contour.n_axes != n_axes:
-        raise RefusedError(
-            f"{law} needs one axis for each coordinate of the contour: the axis law has "
-            f"{n_axes} axes, the contour {contour.n_axes} coordinates; how axes would share a "
-            "correction of the tool point is not defined here"
-        )
 
 
 def transport(vector: AxisVector, start: AxisVector, end: AxisVector) -> AxisVector:

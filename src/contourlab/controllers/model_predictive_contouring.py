@@ -52,9 +52,11 @@ from jaxtyping import Float
 from contourlab.configuration import part, real, static
 from contourlab.contours.base import Contour
 from contourlab.controllers.axis_controller import (
+    SHARED_AXES,
     per_axis,
     refuse_no_model,
     refuse_position_command,
+    refuse_unlike_axes,
 )
 from contourlab.controllers.base import Controller, Needs
 from contourlab.controllers.held_model import held_axes
@@ -133,7 +135,7 @@ class ModelPredictiveContouring(Controller):
     ConfigurationError
         A value out of bounds, or a wrong number of them.
     RefusedError
-        The model is commanded by positions.
+        The model is commanded by positions, or has another number of axes than 2 or 3.
     """
 
     model: NominalModel = part()
@@ -168,7 +170,9 @@ class ModelPredictiveContouring(Controller):
         if self.model.n_axes not in (2, 3):
             raise RefusedError(
                 f"{type(self).__name__} is for machines of 2 or 3 axes, the model has "
-                f"{self.model.n_axes}"
+                f"{self.model.n_axes}: it weighs the lag and the error across the path in the "
+                "plane or in space. PredictiveContouring takes one axis for each coordinate of the "
+                f"contour, of any number; where axes share a coordinate, {SHARED_AXES}"
             )
 
     @property
@@ -199,11 +203,7 @@ class ModelPredictiveContouring(Controller):
             A setting of the wrong number.
         """
         n, model = self.n_axes, self.model
-        if contour.n_axes != n:
-            raise RefusedError(
-                f"{type(self).__name__} needs one axis for each coordinate of the contour: the "
-                f"model has {n} axes, the contour {contour.n_axes} coordinates"
-            )
+        refuse_unlike_axes(type(self).__name__, n, contour)
 
         def each(name: str) -> Array:
             return jnp.asarray(per_axis(name, getattr(self, name), n))

@@ -53,14 +53,13 @@ from jaxtyping import Float
 
 from contourlab.configuration import real, static
 from contourlab.contours.base import Contour, unit
-from contourlab.controllers.axis_controller import clip
+from contourlab.controllers.axis_controller import clip, refuse_unlike_axes
 from contourlab.controllers.positive_definite import solve_positive_definite
 from contourlab.controllers.prediction import History, Predictor
 from contourlab.controllers.predictive_controller import (
     BoundPredictiveController,
     PredictiveController,
 )
-from contourlab.errors import RefusedError
 from contourlab.recordings.sample import Sample
 from contourlab.typing import Array, AxisVector, Count, Scalar
 
@@ -154,11 +153,7 @@ class PredictiveContouring(PredictiveController):
         ConfigurationError
             A polynomial that is neither for all axes nor one per axis.
         """
-        if contour.n_axes != self.n_axes:
-            raise RefusedError(
-                f"{type(self).__name__} needs one axis for each coordinate of the contour: the "
-                f"model has {self.n_axes} axes, the contour {contour.n_axes} coordinates"
-            )
+        refuse_unlike_axes(type(self).__name__, self.n_axes, contour)
         fields = self.bound_fields(sample_time)
         predictor: Predictor = fields["predictor"]
         return BoundPredictiveContouring(

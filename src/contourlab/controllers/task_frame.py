@@ -47,10 +47,12 @@ from jaxtyping import Float
 from contourlab.configuration import part, real, static
 from contourlab.contours.base import Contour
 from contourlab.controllers.axis_controller import (
+    SHARED_AXES,
     clip,
     per_axis,
     refuse_no_model,
     refuse_position_command,
+    refuse_unlike_axes,
 )
 from contourlab.controllers.base import BoundController, Controller, Needs
 from contourlab.controllers.frames import FrameMotion, ReferenceFrame
@@ -101,8 +103,7 @@ class TaskFrameController(Controller):
             raise RefusedError(
                 f"{type(self).__name__} is for machines of 2 or 3 axes, the model has {n}: it "
                 "corrects along the tangent and the normals of the path, and does not say how axes "
-                "that share a coordinate would share a correction; laws in the position domain, "
-                "such as InternalModelContouring, give each axis a place of its own"
+                f"that share a coordinate would share a correction; {SHARED_AXES}"
             )
         if np.shape(self.bandwidth_hz)[-1:] not in ((2,), (n,)):
             three = " or (tangential, normal, binormal)" if n == 3 else ""
@@ -154,11 +155,7 @@ class TaskFrameController(Controller):
             As for ``bind``.
         """
         n, model = self.n_axes, self.model
-        if contour.n_axes != n:
-            raise RefusedError(
-                f"{type(self).__name__} needs one axis for each coordinate of the contour: the "
-                f"model has {n} axes, the contour {contour.n_axes} coordinates"
-            )
+        refuse_unlike_axes(type(self).__name__, n, contour)
         refuse_corners(type(self).__name__, contour)
         bandwidth = jnp.asarray(self.bandwidth_hz)
         if np.shape(bandwidth) == (2,) and n == 3:

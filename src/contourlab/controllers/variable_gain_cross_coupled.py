@@ -42,9 +42,9 @@ from contourlab.controllers.axis_controller import (
     BoundAxisController,
     clip,
     refuse_no_axis_law,
+    refuse_unlike_axes,
 )
 from contourlab.controllers.base import BoundController, Controller, Needs
-from contourlab.controllers.cross_coupled import refuse_unlike_axes
 from contourlab.controllers.filtered_derivative import DerivativeState, FilteredDerivative
 from contourlab.errors import RefusedError
 from contourlab.recordings.sample import Sample

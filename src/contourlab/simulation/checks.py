@@ -9,6 +9,7 @@ import numpy as np
 
 from contourlab.configuration import snake_case
 from contourlab.contours.combined import CombinedAxes
+from contourlab.controllers.axis_controller import SHARED_AXES
 from contourlab.controllers.base import Controller
 from contourlab.errors import (
     ContourlabError,
@@ -82,8 +83,7 @@ def check_loop(machine: Machine, controller: Controller, reference: Reference) -
             redundant = (
                 f": {machine.n_axes} axes share {coordinates} coordinates, and a law that corrects "
                 "the tool point by axis directions does not say how they would share the "
-                "correction; laws in the position domain, such as InternalModelContouring, give "
-                "each axis a place of its own"
+                f"correction; {SHARED_AXES}"
                 if machine.n_axes > coordinates
                 else ""
             )
