@@ -403,3 +403,12 @@ def test_the_whole_reproduction():
         better = np.max(np.abs(after)) < np.max(np.abs(before))
         assert better == (RAISED not in name)
         assert ("raised" in figure.name) == (RAISED in name)
+
+
+def test_no_two_figures_share_a_title():
+    class Drawn(dict):
+        def __missing__(self, case):
+            return {"time": np.linspace(0.0, 2.0, 9), "contour_error": np.zeros(9)}
+
+    titles = [figure.title for figure in paper._figures(Drawn())]
+    assert len(set(titles)) == len(titles) == len(paper.PAPER.figures)

@@ -87,7 +87,7 @@ def _figures(drawn: Mapping[Case, Recording]) -> Iterator[PaperFigure]:
         kept = (time >= WINDOW[0]) & (time <= WINDOW[1])
         yield PaperFigure(
             name=f"predictive_figure_{number}",
-            title=f"{contour.capitalize()}, {PLAIN} (Figure {number.partition('_')[0]})",
+            title=f"{contour.capitalize()}, {PLAIN} (Figure {number.partition('_')[0]}, {weights})",
             y_label="contour error [µm]",
             time=time[kept],
             curves=tuple(
