@@ -63,6 +63,7 @@ class BoundInternalModelContouring(BoundController):
     rejects: bool = static(flag=True)
     """Whether what the master's observer finds to disturb it is taken away."""
     remarks: tuple[str, ...] = static(default=())
+    observer_fact: str = static(default="")
 
     statuses = (
         "normal", "saturated", "slaves not engaged yet", "outside the certified coefficients",
@@ -178,7 +179,7 @@ class BoundInternalModelContouring(BoundController):
         )
 
     def facts(self) -> dict[str, str]:
-        """Return the master, the second signal and the stabiliser's certificate, in words."""
+        """Return master, second signal, certificate of the stabiliser and observers, in words."""
         taken = np.argmax(np.asarray(self.signal.choice), 0)
         signals = ", ".join(
             f"axis {k} {SIGNALS[1 + i]}" for k, i in zip(self.slaves, taken, strict=True)
@@ -196,6 +197,7 @@ class BoundInternalModelContouring(BoundController):
             "master": master_fact(self.domain, asked=self.master_asked),
             "second_signal": signals,
             "stabiliser": f"{origin}; {certificates}",
+            **({"disturbance_observer": self.observer_fact} if self.observer_fact else {}),
         }
 
     def warnings(self) -> tuple[str, ...]:

@@ -19,8 +19,9 @@ the unit circle. Nothing in it is robust: the copy is driven by the command, not
 model that is off leaves an error that K alone holds down. A constant push is nearly removed,
 because α is near (-2, 1), a double integrator. That holds on axes with stiffness. On an axis that
 integrates, as a linear motor does, the copy runs away from the axis under any push that it is not
-told of, dry friction to begin with, until the command is at its limit: there the law needs
-``disturbance_observer_hz``, and the recording warns without it.
+told of, dry friction to begin with, until the command is at its limit: there a disturbance
+observer is on by default, and the recording warns where ``disturbance_observer_hz = 0`` turns it
+off.
 
 **Look-ahead.** u(k) takes f(k+1), which is where the master will be: its position is predicted one
 sample ahead by its nominal model and an observer, and the same predictions are used at every
@@ -47,6 +48,9 @@ References
 
 Differences from the paper
 --------------------------
+Assumption 2.1 asks for axes that are asymptotically stable, or are made so. An axis that
+integrates is taken as it is, with a disturbance observer to hold its copy beside it; on the paper's
+axes, which are stable, there is none unless it is asked for.
 (35) has x_o1 and x_b mixed up; A11 = -α1, A12 = [1 0 ...], A21 = (-α2, 0, ...), A22 a shift, and
 α(k) in both. See the modules for the rest. Limits of the command: the copy and the observer are
 driven by what was applied.
@@ -69,7 +73,7 @@ from contourlab.controllers.internal_model_fields import (
     bound_model,
     bound_stabiliser,
     check_fields,
-    drifting,
+    slave_disturbances,
 )
 from contourlab.controllers.internal_model_state import InternalModelState
 from contourlab.controllers.master_compensation import bound_compensation
@@ -122,7 +126,9 @@ class InternalModelContouring(Controller):
     observer_gain
         F of (36).
     disturbance_observer_hz
-        Bandwidth of the slaves' disturbance observers, > 0 [Hz]; none by default.
+        Bandwidth of the slaves' disturbance observers, >= 0 [Hz]; 0 for none. By default that of
+        the master's, ``master_observer_hz``, where a slave has no stiffness, and none elsewhere;
+        the recording says where it is on without having been given.
     disturbance_frequencies_hz
         Frequencies of known disturbances of any axis, > 0 [Hz], beside the constant.
     reject_on
@@ -156,7 +162,7 @@ class InternalModelContouring(Controller):
     stabiliser_range: Scalar | None = real(above=0.0, ndim=0, default=None)
     stabiliser_decay: Scalar | None = real(above=0.0, below=1.0, ndim=0, default=None)
     observer_gain: Scalar = real(ndim=0, default=1e-4)
-    disturbance_observer_hz: Scalar | None = real(unit="Hz", above=0.0, ndim=0, default=None)
+    disturbance_observer_hz: Scalar | None = real(unit="Hz", minimum=0.0, ndim=0, default=None)
     disturbance_frequencies_hz: Float[Array, " n"] | None = real(unit="Hz", above=0.0, default=None)
     reject_on: str = static(allowed=("all", "slaves"), default="all")
     engage_time: Scalar = real(unit="s", minimum=0.0, ndim=0, default=0.0)
@@ -215,11 +221,8 @@ class InternalModelContouring(Controller):
         whole = bound_model(self, sample_time)
         model = whole.of_axes(slaves)
         axis = self.axis.bind(contour, sample_time)
-        known = np.zeros(0)
-        if self.disturbance_observer_hz is not None:
-            extra = self.disturbance_frequencies_hz
-            known = np.append(0.0, np.zeros(0) if extra is None else extra)
-        bandwidth = 1.0 if self.disturbance_observer_hz is None else self.disturbance_observer_hz
+        observed = slave_disturbances(self, slaves, model)
+        known = observed.known
         compensation, remark = bound_compensation(
             name, self.compensate_master, axis, domain.motion, whole, sample_time
         )
@@ -234,7 +237,7 @@ class InternalModelContouring(Controller):
                 known if len(known) else np.zeros(1), sample_time,
             ),
             slave_observer=AxisObserver.of_model(
-                model, np.full(len(slaves), bandwidth), known, sample_time
+                model, np.full(len(slaves), observed.bandwidth), known, sample_time
             ),
             model=model,
             **bound_stabiliser(self, model),
@@ -243,5 +246,6 @@ class InternalModelContouring(Controller):
             master_asked=self.master is not None,
             rejects=len(known) > 0 and self.reject_on == "all",
             gain_given=self.stabiliser_gain is not None,
-            remarks=(*(remark,) * bool(remark), *drifting(slaves, model, observed=len(known) > 0)),
+            observer_fact=observed.fact,
+            remarks=tuple(sentence for sentence in (remark, observed.warning) if sentence),
         )  # fmt: skip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,14 @@ from contourlab.typing import Scalar
 if TYPE_CHECKING:
     from contourlab.controllers.internal_model_contouring import InternalModelContouring
 
-__all__ = ["bound_model", "bound_stabiliser", "check_fields", "drifting"]
+__all__ = [
+    "SlaveDisturbances",
+    "bound_model",
+    "bound_stabiliser",
+    "check_fields",
+    "is_off",
+    "slave_disturbances",
+]
 
 ON_CIRCLE = 1e-6
 """How near to the unit circle a zero of an axis may come."""
@@ -62,14 +69,17 @@ def check_fields(law: InternalModelContouring) -> None:
             "offset is added to the position as second signal, and second_signal is "
             f"{law.second_signal!r}; remove it"
         )
-    if law.disturbance_frequencies_hz is not None and law.disturbance_observer_hz is None:
-        raise ConfigurationError(
-            "disturbance_frequencies_hz goes with disturbance_observer_hz, which is not given"
-        )
-    if law.reject_on != "all" and law.disturbance_observer_hz is None:
-        raise ConfigurationError(
-            f"reject_on = {law.reject_on!r} goes with disturbance_observer_hz, which is not given"
-        )
+    observer = law.disturbance_observer_hz
+    if observer is None or is_off(observer):
+        state = "not given" if observer is None else "0"
+        for name, idle in (
+            ("disturbance_frequencies_hz", law.disturbance_frequencies_hz is None),
+            (f"reject_on = {law.reject_on!r}", law.reject_on == "all"),
+        ):
+            if not idle:
+                raise ConfigurationError(
+                    f"{name} goes with disturbance_observer_hz, which is {state}"
+                )
     if law.disturbance_frequencies_hz is not None and np.ndim(law.disturbance_frequencies_hz) != 1:
         raise ConfigurationError(
             "disturbance_frequencies_hz must be a list, got shape "
@@ -124,30 +134,67 @@ def bound_model(law: InternalModelContouring, sample_time: Scalar) -> PulseModel
     return model
 
 
-def drifting(slaves: tuple[int, ...], model: PulseModel, *, observed: bool) -> tuple[str, ...]:
-    """Return the warning for slaves whose copy runs away from them, if there are any.
+class SlaveDisturbances(NamedTuple):
+    """What is observed of the disturbances at the slaves' inputs."""
+
+    known: NDArray[Any]
+    """Frequencies of what is observed, 0 for a constant, shape (n,) [Hz]; empty if nothing is."""
+    bandwidth: Any
+    """Of the observers [Hz]; of no effect where nothing is observed."""
+    fact: str = ""
+    """What the recording says of a bandwidth that was not given."""
+    warning: str = ""
+    """Of slaves whose copy runs away from them."""
+
+
+def slave_disturbances(
+    law: InternalModelContouring, slaves: tuple[int, ...], model: PulseModel
+) -> SlaveDisturbances:
+    """Return what the slaves' disturbance observers observe, and at which bandwidth.
+
+    Without one, the copy of an axis that nothing holds runs away from it under any push: the paper
+    asks for axes that are asymptotically stable, or are made so (Assumption 2.1). There it is on
+    by default.
 
     Parameters
     ----------
+    law
+        The configuration.
     slaves
         Which axes.
     model
         Of them.
-    observed
-        Whether what disturbs them is observed, and told to the copy.
     """
-    if observed or not is_concrete(model.denominator):
-        return ()
-    a = np.asarray(model.denominator)
+    concrete = is_concrete(model.denominator)
+    a = np.asarray(model.denominator) if concrete else np.ones((len(slaves), 1))
     free = np.abs(1.0 + a.sum(1)) <= INTEGRATES * (1.0 + np.abs(a).sum(1))
     names = ", ".join(str(k) for k, moves in zip(slaves, free, strict=True) if moves)
-    if not names:
-        return ()
-    return (
-        f"axis {names}: no stiffness, by the model; under dry friction or any other push that it "
-        "does not know, the copy of the axis in the internal model runs away from the axis until "
-        "the command is at its limit; give disturbance_observer_hz",
-    )
+    said = f"axis {names}: no stiffness, by the model"
+    given = law.disturbance_observer_hz
+    if is_off(given) or (given is None and not names):
+        warning = (
+            f"{said}; under dry friction or any other push that it does not know, the copy of the "
+            "axis in the internal model runs away from the axis until the command is at its "
+            "limit; give disturbance_observer_hz, or leave it out"
+        )
+        return SlaveDisturbances(np.zeros(0), 1.0, warning=warning if names else "")
+    extra = law.disturbance_frequencies_hz
+    known = np.append(0.0, np.zeros(0) if extra is None else extra)
+    if given is not None:
+        return SlaveDisturbances(known, given)
+    hz = law.master_observer_hz
+    return SlaveDisturbances(known, hz, f"{float(np.asarray(hz)):g} Hz on the slaves; {said}")
+
+
+def is_off(bandwidth: Any) -> bool:
+    """Return whether a bandwidth was given as 0, for none.
+
+    Parameters
+    ----------
+    bandwidth
+        Or None, where none was given [Hz].
+    """
+    return bandwidth is not None and is_concrete(bandwidth) and float(np.asarray(bandwidth)) == 0.0
 
 
 def bound_stabiliser(law: InternalModelContouring, model: PulseModel) -> dict[str, Any]:
