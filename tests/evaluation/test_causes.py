@@ -4,16 +4,14 @@ The judge is the machine itself: what a cause does is the contour error with it 
 """
 
 import dataclasses
+import functools
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 import contourlab as cl
 from contourlab.errors import ConfigurationError
-from contourlab.evaluation.causes.basis import stage_of
 from contourlab.evaluation.causes.periodic import find_bands, find_pitch
-from contourlab.evaluation.causes.regression import fit_axis
 from contourlab.evaluation.causes.reversals import direction, lost_motion, turning_points
 
 from . import machines as m
@@ -34,6 +32,12 @@ def evaluate(recording, measured="tool"):
     )
 
 
+@pytest.fixture(scope="module")
+def judged(everything):
+    """The log with every cause in it, evaluated once for each place of measurement."""
+    return functools.cache(lambda measured: evaluate(everything, measured))
+
+
 def by_name(evaluation):
     return {cause.name: cause for cause in evaluation.causes}
 
@@ -43,7 +47,7 @@ def rms(values):
 
 
 SINGLE = {
-    "backlash Y": ({"backlash": m.BACKLASH}, "width", m.BACKLASH, 0.15),
+    "backlash Y": ({"backlash": m.BACKLASH}, "width", m.BACKLASH, 0.05),
     "scale X": ({"scale": m.SCALE}, "scale", m.SCALE, 0.05),
     "squareness X-Y": ({"angle": m.ANGLE}, "angle", m.ANGLE, 0.05),
     "cyclic error X": ({"amplitude": m.AMPLITUDE}, "amplitude", m.AMPLITUDE, 0.1),
@@ -58,9 +62,7 @@ def test_one_cause_is_found_and_no_other(plain, name):
     recording = m.run(**put_in)
     found = by_name(evaluate(recording))
     made = rms(np.asarray(recording["contour_error"]) - np.asarray(plain["contour_error"]))
-    # at a reversal friction and lost motion share a shape, and sticking is not linear: a sixth
-    loose = name.startswith(("friction", "backlash"))
-    np.testing.assert_allclose(found[name].rms, made, rtol=0.2 if loose else 0.1)
+    np.testing.assert_allclose(found[name].rms, made, rtol=0.1)
     assert found[name].state == "found"
     assert found[name].remedy
     if parameter is not None:
@@ -93,14 +95,14 @@ def everything():
     )  # fmt: skip
 
 
-def test_all_causes_together(everything):
-    evaluation = evaluate(everything)
+def test_all_causes_together(judged):
+    evaluation = judged("tool")
     found = by_name(evaluation)
     for name, (_, parameter, true, _) in SINGLE.items():
         assert found[name].state in ("found", "small")
         if parameter is not None:
             value = found[name].parameters[parameter][0]
-            np.testing.assert_allclose(value, true, rtol=0.15, err_msg=name)
+            np.testing.assert_allclose(value, true, rtol=0.1, err_msg=name)
     lags = [found["lag mismatch"].parameters[f"lag {axis}"][0] for axis in "XY"]
     np.testing.assert_allclose(lags, [1 / 30.0, 1 / 36.0], rtol=0.03)
     np.testing.assert_allclose(found["cyclic error X"].parameters["period"][0], m.PERIOD, rtol=0.02)
@@ -113,8 +115,8 @@ def test_all_causes_together(everything):
     np.testing.assert_allclose(whole[evaluation.judged], error[evaluation.judged], atol=1e-15)
 
 
-def test_the_motor_does_not_see_what_lies_behind_it(everything):
-    found = by_name(evaluate(everything, "motor"))
+def test_the_motor_does_not_see_what_lies_behind_it(judged):
+    found = by_name(judged("motor"))
     for name in ("backlash Y", "scale X", "squareness X-Y", "cyclic error X"):
         assert found[name].state == "unobservable"
         assert "measured on the motor" in found[name].note
@@ -122,12 +124,12 @@ def test_the_motor_does_not_see_what_lies_behind_it(everything):
     lags = [found["lag mismatch"].parameters[f"lag {axis}"][0] for axis in "XY"]
     np.testing.assert_allclose(lags, [1 / 30.0, 1 / 36.0], rtol=0.03)
     assert found["friction X"].state == "found"
-    scale = by_name(evaluate(everything, "scale"))
+    scale = by_name(judged("scale"))
     assert scale["squareness X-Y"].state == "unobservable"
 
 
-def test_where_it_was_measured_matters_and_is_asked_for(everything):
-    assert any("state measured" in warning for warning in evaluate(everything, None).warnings)
+def test_where_it_was_measured_matters_and_is_asked_for(everything, judged):
+    assert any("state measured" in warning for warning in judged(None).warnings)
     with pytest.raises(ConfigurationError, match="unknown measured 'table'"):
         evaluate(everything, "table")
 
@@ -164,30 +166,6 @@ def test_single_events_are_no_vibration():
     assert [round(band.frequency) for band in find_bands(steady + noise, whole, dt)] == [41]
 
 
-@pytest.mark.parametrize(("before", "size"), [(0.0, 0.5), (1.0, 0.0), (-1.0, 1.0)])
-def test_friction_at_a_start_from_rest_is_friction(before, size):
-    """Half the peak of a reversal, none if the servo holds it already, or a whole one."""
-    dt, n = 1e-3, 4000
-    rate = np.zeros(n)
-    rate[400:] = 0.02 * np.sin(2.0 * np.pi * (np.arange(n - 400) + 1) * dt / 1.2)
-    commanded = np.cumsum(rate) * dt
-    height, pole = 6e-6, np.exp(-dt / 0.01)
-    step = np.zeros(n)
-    step[400:] = size
-    turns = np.flatnonzero(np.diff(np.sign(rate[400:])) != 0) + 401
-    for k, turn in enumerate(turns):
-        step[turn:] += (-1.0) ** (k + 1)
-    once = lfilter([1.0 - pole], [1.0, -pole], step)
-    noise = 2e-8 * np.random.default_rng(5).normal(size=n)
-    error = height * (once - lfilter([1.0 - pole], [1.0, -pole], once)) + noise
-    stage = stage_of(commanded, commanded - error, [slice(0, n)], dt, 2e-7)
-    fit = fit_axis(stage, np.arange(n), {})
-    assert fit.shape.before == before
-    assert rms(fit.residual) < 0.1 * rms(error)
-    peaks = fit.contributions["peaks"]
-    np.testing.assert_allclose(peaks[400:450].max(), error[400:450].max(), atol=0.1 * height)
-
-
 def test_turning_points_ignore_flicker():
     position = np.array([0.0, 1.0, 2.0, 1.9, 2.0, 3.0, 2.0, 1.0, 1.1, 1.0, 0.0, 0.0, 2.0])
     rows, signs = turning_points(position, 0.2)
@@ -210,8 +188,8 @@ def test_noise_holds_no_pitch_and_no_vibration():
     assert found <= 2
 
 
-def test_causes_are_immutable(everything):
-    cause = evaluate(everything).causes[0]
+def test_causes_are_immutable(judged):
+    cause = judged("tool").causes[0]
     with pytest.raises(dataclasses.FrozenInstanceError):
         cause.rms = 0.0
     assert cause.json()["parameters"]["lag X"]["unit"] == "s"

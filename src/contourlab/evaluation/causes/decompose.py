@@ -124,13 +124,14 @@ def _axis(
             column = record.commanded[:, j]
             if j != k and np.ptp(column[rows]) > 0.0:
                 extra[f"cross {other}"] = (column - float(np.mean(column[rows])))[:, None]
-    fit = fit_axis(stage, rows, extra)
+    play = sees("backlash", measured)
+    fit = fit_axis(stage, rows, extra, play=play)
     period = None
     if sees("cyclic", measured) and np.ptp(commanded[rows]) > 0.0:
         period = pitch[k] if pitch is not None else _pitch(stage, fit, rows)
         if period is not None:
             extra["cyclic"] = waves(fit.shape.moved, period)
-            waved = fit_axis(stage, rows, extra, known=fit)
+            waved = fit_axis(stage, rows, extra, play=play, known=fit)
             if "cyclic" in waved.contributions:
                 fit = waved
             else:
@@ -139,7 +140,7 @@ def _axis(
     bands = _bands(stage, fit, rows) if record.timed else []
     if bands:
         correction = np.sum([band.signal for band in bands], axis=0)
-        fit = fit_axis(stage, rows, extra, correction=correction, known=fit)
+        fit = fit_axis(stage, rows, extra, play=play, correction=correction, known=fit)
     return fit, bands, period
 
 

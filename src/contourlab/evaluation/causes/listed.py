@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contourlab.evaluation.causes.basis import lag_time
 from contourlab.evaluation.causes.cause import Cause
 from contourlab.evaluation.causes.periodic import Band
 from contourlab.evaluation.causes.regression import AxisFit
+from contourlab.evaluation.causes.response import PEAKS, decay_time, lag_time
 from contourlab.evaluation.causes.sensors import refusal, sees
 from contourlab.evaluation.causes.words import advice
 
@@ -22,6 +22,10 @@ __all__ = ["list_causes"]
 
 Values = NDArray[Any]
 CHANCE = "not told from chance in this log"
+STEADY = (
+    "what is lost at a reversal builds up as the loop answers a force: it is friction that no "
+    "integral action takes away"
+)
 SMALL = 0.005
 """A cause is small if the contour error that it makes is this share of the whole's rms, or less."""
 _GROUP_NAMES = {"lag": "lag mismatch", "peaks": "friction", "sides": "backlash", "scale": "scale",
@@ -64,8 +68,7 @@ def list_causes(
     lags = np.column_stack([fit.contributions["lag"] for fit in fits])
     curved = record.error - along(tracking) - record.own
     times = [
-        lag_time(fit.coefficients["lag"], fit.shape.lag_constant, record.sample_time)
-        for fit in fits
+        lag_time(fit.coefficients["lag"], fit.shape.denominator, record.sample_time) for fit in fits
     ]
     unit = "s" if record.timed else "samples"
     parameters = {f"lag {a}": (t, unit) for a, t in zip(record.axes, times, strict=True)}
@@ -182,20 +185,19 @@ def _mistaken(fits: Any, axes: tuple[str, ...], group: str) -> str:
 def _friction(
     listing: _Listing, fit: AxisFit, axis: str, k: int, of_axis: Any, measured: str | None
 ) -> None:
-    n = len(fit.residual)
-    values = _of(fit, "peaks", n)
-    steady = measured == "motor" and "sides" in fit.contributions
-    if steady:  # what the motor itself lacks cannot be lost motion
-        values = values + fit.contributions["sides"]
-    if "peaks" not in fit.contributions and not steady:
+    values = _of(fit, "peaks", len(fit.residual))
+    if "peaks" not in fit.contributions:
         listing.one(fit, "peaks", f"friction {axis}", "friction", axis, values, {}, measured)
         return
+    coefficients = fit.coefficients["peaks"]
+    record = listing.record
+    lasting = decay_time(coefficients[:PEAKS], fit.shape.denominator, record.sample_time)
     parameters = {
         "peak": (float(np.abs(values[listing.judged]).max()), "m"),
-        "decay time": (fit.shape.peak_constant, "s" if listing.record.timed else "samples"),
+        "decay time": (lasting, "s" if record.timed else "samples"),
     }
-    if steady:
-        parameters["steady"] = (float(abs(fit.coefficients["sides"][0])), "m")
+    if len(coefficients) > PEAKS:
+        parameters["steady"] = (float(abs(coefficients[PEAKS])), "m")
     listing.add(f"friction {axis}", "friction", (axis,), of_axis(k, values), parameters,
                 _mistaken([fit], (axis,), "peaks"))  # fmt: skip
 
@@ -207,6 +209,9 @@ def _backlash(
     width = 2.0 * float(fit.coefficients.get("sides", np.zeros(1))[0])
     signal = of_axis(k, _of(fit, "sides", n))
     name, parameters = f"backlash {axis}", {"width": (width, "m")}
+    if fit.shape.steady and sees("backlash", measured):
+        listing.without(name, "backlash", (axis,), "small", STEADY)
+        return
     listing.one(fit, "sides", name, "backlash", axis, signal, parameters, measured)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -74,10 +75,13 @@ def direction(n: int, rows: Values, signs: Values) -> Values:
     return signs[np.searchsorted(rows, np.arange(n), side="left")]
 
 
-def lost_motion(position: Values, rows: Values, signs: Values, play: float) -> Values:
+def lost_motion(
+    position: Values, rows: Values, signs: Values, play: float, before: float | None = None
+) -> Values:
     """Return on which side of its play an axis is, from -1 to 1.
 
-    After a reversal it crosses the play while it moves by its width.
+    After a reversal it crosses the play while it moves by its width; where it turns within the play
+    it comes back the same way.
 
     Parameters
     ----------
@@ -87,13 +91,17 @@ def lost_motion(position: Values, rows: Values, signs: Values, play: float) -> V
         As :func:`turning_points` returns them.
     play
         Width of the play [m]; 0 crosses at once.
+    before
+        The side at the first row; that of the first motion if None.
     """
     n = len(position)
-    state = direction(n, rows, signs)
-    if play <= 0.0 or not len(rows):
-        return state
-    number = np.searchsorted(rows, np.arange(n), side="left")
-    turned = number > 0
-    at = position[rows[np.maximum(number - 1, 0)]]
-    share = np.clip(np.abs(position - at) / play, 0.0, 1.0)
-    return np.where(turned, state * (2.0 * share - 1.0), state)
+    if play <= 0.0:
+        return direction(n, rows, signs)
+    side = float(signs[0]) if before is None else before
+    state = np.empty(n)
+    edges = [0, *(int(row) for row in rows), n - 1]
+    for first, last in pairwise(edges):
+        gone = position[first : last + 1] - position[first]
+        state[first : last + 1] = np.clip(side + 2.0 * gone / play, -1.0, 1.0)
+        side = float(state[last])
+    return state
