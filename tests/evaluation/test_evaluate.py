@@ -190,6 +190,69 @@ def test_a_part_with_other_axes_is_refused(tmp_path, part_file):
         cl.evaluate(read, contour=3)
 
 
+@pytest.mark.parametrize("n", [0, 1, 2, 3, 10])
+def test_a_handful_of_samples_says_what_it_cannot_tell(tmp_path, n):
+    angle = np.linspace(0.0, 1.0, n)
+    commanded = 0.03 * np.column_stack([np.cos(angle), np.sin(angle)])
+    actual = commanded + 1e-6
+    few = Log(
+        source="log", format="text", axes=("X", "Y"), time=np.arange(n) * DT, sample_time=DT,
+        timed=True, commanded=commanded, actual=actual, scale=1e-3, row=np.arange(n),
+    )  # fmt: skip
+    if n < 3:
+        with pytest.raises(LogError, match=f"{n} samples are left: a contour error takes 3 or"):
+            cl.evaluate(few)
+        return
+    found = cl.evaluate(few)
+    assert "samples can be judged" in found.warnings[0]
+    assert "at best" in found.warnings[0]
+    assert found.causes == ()
+    assert any("too few connected samples" in text for text in found.warnings)
+    still = dataclasses.replace(few, commanded=0.0 * commanded, actual=0.0 * actual)
+    with pytest.raises(LogError, match="nothing moves"):
+        cl.evaluate(still)
+
+
+def turning(tmp_path, heads, columns, **options):
+    file = tmp_path / "log.csv"
+    t = np.arange(len(columns[0])) * DT
+    np.savetxt(file, np.column_stack([t, *columns]), delimiter=",", header=f"t_s,{heads}",
+               comments="", fmt="%.6f")  # fmt: skip
+    names = heads.split(",")
+    half = len(names) // 2
+    return cl.evaluate(file, commanded=",".join(names[:half]), actual=",".join(names[half:]),
+                       circular=False, **options)  # fmt: skip
+
+
+def test_rotary_axes_are_tracked_beside_the_contour_error(tmp_path):
+    t = np.arange(2000) * DT
+    x, y = 30.0 * np.cos(2.0 * t), 30.0 * np.sin(2.0 * t)
+    c = 200.0 * np.sin(3.0 * t)
+    late = 200.0 * np.sin(3.0 * (t - 0.004))
+    around = [np.mod(one + 180.0, 360.0) - 180.0 for one in (c, late)]  # wraps at half a turn
+    found = turning(
+        tmp_path, "x_set [mm],y_set [mm],c_set [deg],x_act [mm],y_act [mm],c_act [deg]",
+        [x, y, around[0], x, y + 0.002, around[1]],
+    )  # fmt: skip
+    assert found.log.axes == ("X", "Y")
+    np.testing.assert_allclose(found.metrics["contour_error_max"], 2e-6, rtol=1e-2)
+    (one,) = found.rotary
+    assert (one.axis, one.unit) == ("C", "deg")
+    np.testing.assert_allclose(one.max, np.deg2rad(200.0 * 3.0 * 0.004), rtol=1e-3)
+    np.testing.assert_allclose(one.lag, 0.004, rtol=1e-3)
+    assert any("C: rotary, so tracked by itself" in text for text in found.warnings)
+    # by its letter too, where only the lengths have a unit
+    silent = turning(tmp_path, "x_set,y_set,c_set,x_act,y_act,c_act",
+                     [x, y, around[0], x, y + 0.002, around[1]], unit="mm")  # fmt: skip
+    np.testing.assert_allclose(silent.rotary[0].lag, 0.004, rtol=1e-3)
+    assert any("taken for deg" in text for text in silent.warnings)
+    # alone they have no contour error; what they have is said
+    with pytest.raises(LogError, match=r"the kinematic chain.* C: .*2.4 deg at most, lag 4.00"):
+        turning(tmp_path, "b_set,c_set,b_act,c_act", [c, c, late, late], unit="deg")
+    with pytest.raises(LogError, match=r"got 1 \(X\).*C is rotary: .* deg rms"):
+        turning(tmp_path, "x_set_mm,c_set_deg,x_act_mm,c_act_deg", [x, c, x, late])
+
+
 def test_three_axes(tmp_path):
     t = np.linspace(0, 10, 3000)
     helix = np.column_stack([0.02 * np.cos(t), 0.02 * np.sin(t), 0.001 * t])

@@ -12,6 +12,7 @@ from contourlab.evaluation.alignment import Alignment
 from contourlab.evaluation.causes import Cause
 from contourlab.evaluation.circles import CircularTest
 from contourlab.evaluation.resolution import Resolution
+from contourlab.evaluation.tracking import AxisTracking
 from contourlab.logs.log import Log
 from contourlab.recordings.metrics import MetricValue
 from contourlab.recordings.recording import Recording
@@ -64,6 +65,8 @@ class Evaluation:
     piece: Int[np.ndarray, " n_samples"] = field(repr=False)
     foot: Float[np.ndarray, "n_samples n_axes"] = field(repr=False)
     """Nearest point of the path, in the machine's coordinates [m]."""
+    rotary: tuple[AxisTracking, ...] = ()
+    """How rotary axes follow, which are in no contour error."""
     options: dict[str, Any] = field(default_factory=dict)
     """How it was evaluated, by name."""
 

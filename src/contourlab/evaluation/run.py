@@ -24,6 +24,7 @@ from contourlab.evaluation.part_of import read_part
 from contourlab.evaluation.resolution import Resolution, find_resolution
 from contourlab.evaluation.result import Evaluation, WorstPoint
 from contourlab.evaluation.stretches import Breaks, find_breaks, stretches
+from contourlab.evaluation.tracking import shown, track_axes
 from contourlab.logs.log import Log
 from contourlab.logs.netcdf import of_recording
 from contourlab.logs.read import read_log
@@ -37,6 +38,10 @@ WORST = 8
 """Places that are listed."""
 ROUNDING = 1e-13
 """Of the largest coordinate: less is what computing makes."""
+LEAST = 3
+"""Samples of a log that is judged: two make a line, of which no sample tells anything."""
+FEW = 50
+"""Judged samples from which an rms is known to a tenth, 1 / √(2 n), if they are independent."""
 MATCH = 0.005
 """Share of the part's extent beyond which a commanded position is not on it."""
 
@@ -104,12 +109,19 @@ def evaluate(
     if within is not None and path != "spline":
         raise ConfigurationError("tolerance goes with path = 'spline': lines join every position")
     read = _log(log, reading)
+    if read.n_samples < LEAST:
+        raise LogError(
+            f"{read.source}: {read.n_samples} samples are left: a contour error takes {LEAST} or "
+            "more"
+        )
+    rotary = track_axes(read.rotary) if read.rotary is not None else ()
     if read.dimension != "length":
-        raise LogError(f"{read.source}: a contour error is a length, and the positions are angles")
+        raise LogError(_angles(read))
     if not 2 <= read.n_axes <= 3:
         raise LogError(
             f"{read.source}: a contour error takes 2 or 3 axes, got {read.n_axes} "
             f"({', '.join(read.axes)}): name their columns with commanded and actual"
+            + "".join(f"; {one.axis} is rotary: {shown(one)}" for one in rotary)
         )
     pitches = _pitches(pitch, read.n_axes)
     if contour is None and read.commanded is None:
@@ -155,6 +167,9 @@ def evaluate(
     warnings = [*read.warnings, *said, *resolution.warnings, *_worth(metrics), *cause_warnings]
     if test is not None:
         warnings += list(test.warnings)
+    few = _few(int(good.sum()))
+    if few:
+        warnings.insert(0, few)
     left = int((~good & ~breaks.held).sum())
     if left and contour is None:
         warnings.append(f"{left} samples lie beyond the ends of the recorded path: not judged")
@@ -168,8 +183,29 @@ def evaluate(
         log=read, recording=recording, metrics=metrics, warnings=tuple(dict.fromkeys(warnings)),
         causes=causes, worst=_worst(read, judged, good, resolution, causes, part),
         resolution=resolution, circular=test, part=part, alignment=alignment, judged=good,
-        piece=judged.piece, foot=judged.foot, options=options,
+        piece=judged.piece, foot=judged.foot, options=options, rotary=rotary,
     )  # fmt: skip
+
+
+def _angles(read: Log) -> str:
+    """Return why angles alone have no contour error, and what can be said of them."""
+    said = (
+        f"{read.source}: a contour error is a length at the tool, and the positions are angles: "
+        "that takes the kinematic chain, which is not in a log"
+    )
+    axes = "; ".join(f"{one.axis}: {shown(one)}" for one in track_axes(read))
+    return f"{said}. How the axes follow, each in its own unit: {axes}" if axes else said
+
+
+def _few(n: int) -> str:
+    """Return what cannot be said of so few judged samples; empty if there are enough."""
+    if n >= FEW:
+        return ""
+    known = f", its rms is known to {100.0 / (2.0 * n) ** 0.5:.0f} % at best"
+    return (
+        f"no more than {n} sample{'s' if n > 1 else ''} can be judged: the largest error is that "
+        f"of these instants{known}, and what was between them is not in the log"
+    )
 
 
 def _log(log: str | os.PathLike[str] | Log | Recording, reading: dict[str, Any]) -> Log:

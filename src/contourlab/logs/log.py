@@ -66,6 +66,8 @@ class Log:
         default_factory=lambda: np.zeros(0, int), repr=False
     )
     """Samples after which the log says that some were lost."""
+    rotary: Log | None = None
+    """Rotary axes of a log that has linear ones too: what is above is then of the linear ones."""
     warnings: tuple[str, ...] = ()
     """What was guessed or left out, in sentences."""
     notes: tuple[str, ...] = ()

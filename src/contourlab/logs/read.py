@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import stat
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ from contourlab.logs.written_units import (
 __all__ = ["open_log", "read_log"]
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
+_ROTARY = ("A", "B", "C")
 _COMMAND_UNITS = {"force": "N", "velocity": "m/s"}
 Values = NDArray[Any]
 
@@ -188,8 +190,52 @@ def read_log(
         + [c for c in (time_column, source.counter) if c is not None]
     ))  # fmt: skip
     columns = source.read(wanted)
-    return _log(source, columns, chosen, axis_names, time_column, time is not None, unit,
-                time_unit, command_unit, step)  # fmt: skip
+    linear, rotary, said = _kinds(source, chosen, axis_names, unit)
+
+    def log_of(which: list[int], unit: str | None) -> Log:
+        own = {role: choice._replace(names=tuple(choice.names[k] for k in which))
+               for role, choice in chosen.items()}  # fmt: skip
+        return _log(source, columns, own, tuple(axis_names[k] for k in which), time_column,
+                    time is not None, unit, time_unit, command_unit, step)  # fmt: skip
+
+    if not rotary:
+        return log_of(linear, unit)
+    turning = log_of(rotary, said[1] or (None if linear else unit))
+    if not linear:
+        return replace(turning, warnings=tuple(filter(None, [*turning.warnings, said[0]])))
+    log = log_of(linear, unit)
+    return replace(
+        log, rotary=turning, warnings=tuple(dict.fromkeys([*log.warnings, said[0]])),
+        columns=(*log.columns, *(use for use in turning.columns if use.role != "time")),
+    )  # fmt: skip
+
+
+def _kinds(
+    source: Source, chosen: dict[str, Choice], axes: tuple[str, ...], unit: str | None
+) -> tuple[list[int], list[int], tuple[str, str | None]]:
+    """Return the linear and the rotary axes, what is to be said of these, and their unit."""
+    if unit is not None and stated_unit(unit, "unit")[1] == "angle":
+        return [], list(range(len(axes))), ("", unit)
+    written = [
+        [w for role in ("commanded", "actual") if role in chosen
+         for w in [unit_of(chosen[role].names[k], source.units.get(chosen[role].names[k], ""))]]
+        for k in range(len(axes))
+    ]  # fmt: skip
+    angles = [k for k, units in enumerate(written)
+              if any(known_unit(w, "angle") is not None for w in units)]  # fmt: skip
+    silent = [k for k, axis in enumerate(axes) if axis in _ROTARY and not any(written[k])]
+    if len(silent) == len(axes) and unit is not None:  # then the user says that they are lengths
+        silent = []
+    rotary = sorted({*angles, *silent})
+    names = " and ".join(axes[k] for k in rotary)
+    said = (
+        f"{names}: rotary, so tracked by itself and in no contour error; where it moves, that of "
+        "the other axes is not the tool's on the part, which takes the kinematic chain"
+    )
+    if silent:
+        said += "; taken for deg, as a letter of A, B, C without a unit is a rotary axis"
+    linear = [k for k in range(len(axes)) if k not in rotary]
+    return linear, rotary, (said, "deg" if silent else None)
 
 
 def _log(

@@ -6,6 +6,7 @@ import math
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
+from contourlab.evaluation.tracking import shown
 from contourlab.reports.tables import ascii_text
 from contourlab.units import to_um
 
@@ -119,6 +120,7 @@ def figure_rows(evaluation: Evaluation) -> list[tuple[str, str]]:
             rows.append((title, with_half_width(_number(m[name]), _number(m[half])) + " um"))
     if "cycle_time" in m:
         rows.append(("duration", f"{_number(m['cycle_time']):.5g} s"))
+    rows += [(f"tracking error of {one.axis}", shown(one)) for one in evaluation.rotary]
     judged = int(_number(m["judged_samples"]))
     rows.append(("samples judged", f"{judged} of {evaluation.log.n_samples}"))
     found = evaluation.alignment
@@ -318,6 +320,7 @@ def evaluation_json(evaluation: Evaluation, report: str | FilePath | None) -> di
             "distance_median": found.median, "distance_rms": found.rms,
             "distance_max": found.largest, "on_part": found.on_part, "covered": found.covered,
         },
+        "rotary": [one.json() for one in evaluation.rotary],
         "circular_test": None if test is None else test.json(),
         "report": None if report is None else str(report),
     }  # fmt: skip
