@@ -1,10 +1,15 @@
 """Text logs in every dialect give the same numbers, and every mistake names its line."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from contourlab.errors import ConfigurationError, LogError
+from contourlab.evaluation.stretches import find_breaks
 from contourlab.logs import open_log, read_log
+
+RECORDED = Path(__file__).parent / "recorded"
 
 N = 50
 T = np.arange(N) * 1e-3
@@ -90,15 +95,49 @@ def test_halsampler(tmp_path):
     assert any("lost at 1 place" in warning for warning in log.warnings)
 
 
-def test_halscope(tmp_path):
+@pytest.mark.parametrize("name", ["halsampler", "halsampler_tagged"])
+def test_what_halsampler_wrote(name):
+    """A sine and a cosine of 12.5 mm at 3 Hz, a bit, -7 and 42, recorded from LinuxCNC."""
+    file = RECORDED / f"{name}.txt"
+    source = open_log(file)
+    tagged = name.endswith("tagged")
+    assert source.format == "halsampler"
+    assert source.counter == ("0" if tagged else None)
+    sine, cosine, bit, signed, unsigned = (str(k + tagged) for k in range(5))
+    rest = source.read((bit, signed, unsigned)).values
+    assert set(np.unique(rest[bit])) <= {0.0, 1.0}
+    assert (rest[signed] == -7.0).all()
+    assert (rest[unsigned] == 42.0).all()
+    log = read_log(file, commanded=sine, actual=cosine, axes="X", unit="mm", sample_time="1 ms")
+    assert log.n_samples == 80
+    assert list(log.lost_after) == []  # the overrun in front of the first sample lost nothing
+    np.testing.assert_allclose(log.time, np.arange(80) * 1e-3, atol=1e-12)
+    angle = np.unwrap(np.arctan2(log.commanded[:, 0], log.actual[:, 0]))
+    np.testing.assert_allclose(np.hypot(log.commanded, log.actual), 12.5e-3, rtol=1e-6)
+    np.testing.assert_allclose(np.diff(angle), 2.0 * np.pi * 3.0 * 1e-3, rtol=1e-4)
+
+
+def test_a_full_fifo_is_seen_by_the_jump_that_it_leaves():
+    """The numbers of halsampler go on where samples were lost, so only the positions tell."""
+    file = RECORDED / "halsampler_full.txt"
+    log = read_log(file, actual="1,2", axes="XY", unit="mm", sample_time="1 ms")
+    assert list(log.lost_after) == []
+    assert list(find_breaks(log).jumps) == [48]
+
+
+@pytest.mark.parametrize("newer", [True, False])
+def test_halscope(tmp_path, newer):
+    """As halscope writes it: semicolons without blanks; the newer one saves its screen too."""
     head = (
         "# Sampling period is 1000000 ns\n"
-        "joint.0.pos-cmd;joint.1.pos-cmd;joint.0.pos-fb;joint.1.pos-fb\n"
-        "# Position: 0.000000;0.000000;0.000000;0.000000\n# Scale: 1;1;1;1\n"
+        "joint.0.pos-cmd;joint.1.pos-cmd;joint.0.pos-fb;joint.1.pos-fb;motion.in-position\n"
     )
-    rows = ["; ".join(f"{v:.14f}" for v in (*s, *a)) for s, a in zip(SET, ACT, strict=True)]
+    if newer:
+        head += "# Position: 0.5;0.5;0.5;0.5;0.5\n# Scale: 1;1;1;1;1\n"
+    rows = [";".join([*(f"{v:.14f}" for v in (*s, *a)), "1"])
+            for s, a in zip(SET, ACT, strict=True)]  # fmt: skip
     file = tmp_path / "scope.csv"
-    file.write_text(head + "\n".join(rows))
+    file.write_text(head + "\n".join(rows) + "\n")
     log = read_log(file, unit="mm")
     assert log.format == "halscope"
     assert [use.column for use in log.columns][:2] == ["joint.0.pos-cmd", "joint.1.pos-cmd"]

@@ -170,10 +170,13 @@ def _read(
 
     places = [names.index(one) for one in wanted]
     order = np.argsort(places)
+    # halsampler says in the first column that samples were lost, wanted or not
+    sampled = not dialect.heading and dialect.delimiter == " "
+    read = {0, *places} if sampled else set(places)
     sign = comment if comment is not None and len(comment) == 1 else "#"
     options: dict[str, Any] = {
         "sep": r"\s+" if dialect.delimiter == " " else dialect.delimiter,
-        "decimal": dialect.decimal, "header": None, "usecols": sorted(places), "engine": "c",
+        "decimal": dialect.decimal, "header": None, "usecols": sorted(read), "engine": "c",
         "names": list(range(dialect.width + dialect.trailing)), "index_col": False,
         "chunksize": CHUNK, "comment": None if comment == "" or sign == dialect.delimiter else sign,
         "low_memory": False, "skipinitialspace": True,
@@ -220,6 +223,10 @@ def _numbers(
     bad = np.zeros(len(frame), bool)
     for place in frame.columns:
         column = frame[place]
+        if place not in places:
+            if not pd.api.types.is_numeric_dtype(column.dtype):
+                bad |= (column.astype(str).str.strip() == OVERRUN).to_numpy()
+            continue
         if pd.api.types.is_numeric_dtype(column.dtype):
             columns[place] = column.to_numpy(float, na_value=np.nan)
             continue
@@ -255,7 +262,7 @@ def _numbers(
 def _overruns(frame: Any, bad: Values) -> Values:
     """Return which of the bad rows are halsampler's line for lost samples."""
     found = np.zeros(len(frame), bool)
-    rows = frame[bad].astype(str)
+    rows = frame[bad].astype("object").astype(str)
     found[bad] = (rows == OVERRUN).any(axis=1).to_numpy()
     return found
 
