@@ -58,6 +58,8 @@ BY_NUMBER = {"commanded": "1,2", "actual": "3,4", "time": "0"}
         (table(head="t_s,xs_mm,ys_mm,xa_mm,ya_mm"), {"unit": None, "time_unit": None}),
         (table(head='"t","xs","ys","xa","ya"'), {}),
         (table().encode("utf-16"), {}),
+        (table().encode("utf-16-le"), {}),
+        (table(";", ",").encode("utf-16-be"), {}),
         (b"\xef\xbb\xbf" + table().encode(), {}),
         (table(head="t,xs,ys,xa,ya").replace("t,", "T,", 1), {}),
         ("\n\n" + table().replace("\n", "\n\n"), {}),

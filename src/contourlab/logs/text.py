@@ -106,6 +106,9 @@ def open_text(
 def _encoding(head: bytes, name: str) -> str:
     if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return "utf-16"
+    for encoding, zeros in (("utf-16-le", head[1:4096:2]), ("utf-16-be", head[0:4096:2])):
+        if len(zeros) > 8 and zeros.count(0) > 0.9 * len(zeros) and head.count(0) < 0.6 * len(head):
+            return encoding  # without the mark that should be in front
     if b"\0" in head[:4096]:
         raise LogError(
             f"{name}: is neither text nor a MAT, HDF5, netCDF or MDF4 file, as far as can be seen"
