@@ -50,19 +50,22 @@ def test_a_log_becomes_a_machine_that_compare_takes(program, tmp_path):
     assert "exists already" in err
 
 
-def test_a_position_loop_that_no_mass_on_a_spring_describes_is_no_failure(program):
-    """Feed-forward makes the axis follow as if it had no mass: least squares, and a sentence."""
+def test_a_log_of_positions_alone_tells_how_the_loop_follows(program, tmp_path):
+    page = tmp_path / "page.html"
     status, out, err = program(
-        "identify", LOG, "--kind", "position", "--window", "1 s,3 s", "--json"
-    )
+        "identify", LOG, "--kind", "position", "--window", "1 s,2.5 s", "--json", "--report", page,
+    )  # fmt: skip
     assert status == 0, err
     body = json.loads(out)
     for axis in body["axes"]:
-        # at rest it is where it was told
-        assert axis["parameters"]["stiffness"]["value"] == pytest.approx(1.0, abs=0.01)
+        one = axis["parameters"]["velocity_lag"]
+        assert one["unit"] == "s"
+        # the law of the example feeds all of its motion forward: what is left is its delay
+        assert abs(one["value"]) < 2e-3
     text = " ".join(body["warnings"])
     assert "the command is taken" not in text
-    assert "least squares" in text
+    assert "only the velocity lag is told" in text
+    assert "Mass and friction in N need a column" in page.read_text()
 
 
 def test_mistakes_are_named(program, tmp_path):

@@ -1,10 +1,10 @@
-"""Refined parameters of a record so short that fitting takes out much of what it leaves."""
+"""The refinement on a record so short that fitting takes out much, and where it is led astray."""
 
 import numpy as np
 from numpy.testing import assert_allclose
 
 from contourlab.identification.pieces import cut_pieces
-from contourlab.identification.refinement import Drive, refine
+from contourlab.identification.refinement import Drive, misfit, refine
 
 T = 5e-3
 MASS, VISCOUS = 2.0, 12.0
@@ -37,3 +37,16 @@ def test_few_reversals_and_white_noise_give_the_variance_of_white_noise():
     variance = np.array([np.diagonal(one.covariance) for one in found])
     # the mean of 16 chi-squares of 5 degrees, over 5: deviation √(2/5/16) = 16 %
     assert_allclose(variance.mean(axis=0) / exact, 1.0, atol=0.4)
+
+
+def test_a_delay_without_bound_is_a_misfit_and_no_failure():
+    """A position loop with feed-forward led the search there."""
+    time = 1e-3 * np.arange(200)
+    still = np.zeros(200)
+    drive = Drive(still, np.ones(200), still, time**2)
+    pieces = cut_pieces(np.ones(200), 0.5, longest=100)
+    theta = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    assert np.isfinite(misfit(theta, drive, pieces, 1e-3))
+    for delay in (1e30, -1e30, np.nan):
+        theta[5] = delay
+        assert misfit(theta, drive, pieces, 1e-3) == np.inf

@@ -20,6 +20,7 @@ from contourlab.identification import (
     frequency_response,
     identified_machine,
     identify_machine,
+    identify_position_loops,
     is_sweep,
     track_health,
 )
@@ -158,6 +159,18 @@ class Identified:
             console.print(f"note: {note}", markup=False, highlight=False, style="dim")
 
 
+def _machine(
+    one: Recording, window: tuple[float, float] | None, source: str, options: dict[str, Any]
+) -> MachineIdentification:
+    """Return position loops of a log that has no more than these, and else the machine."""
+    positions = one["command"].attrs.get("kind") == "position"
+    if not positions or options["stiffness"] is not None or options["drive_lag"]:
+        return identify_machine(one, window=window, source=source, **options)
+    return identify_position_loops(
+        one, known=options["known"], confidence=options["confidence"], window=window, source=source
+    )
+
+
 def identify_records(
     read: Sequence[Read], sources: Sequence[str], options: dict[str, Any], *,
     window: tuple[float, float] | None, track: float | None, sweep: str, rate: float,
@@ -217,7 +230,7 @@ def identify_records(
                 result.warnings.append(str(error))
         result.models = tuple(models)
     try:
-        result.found = identify_machine(one, window=window, source=sources[0], **options)
+        result.found = _machine(one, window, sources[0], options)
         result.warnings += result.found.warnings
     except RecordingError as error:
         failed = error

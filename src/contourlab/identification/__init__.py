@@ -13,6 +13,7 @@ from contourlab.identification.identify import INSTRUMENTS, identify
 from contourlab.identification.machine import identify_machine
 from contourlab.identification.machine_model import identified_machine
 from contourlab.identification.machine_result import AxisModel, MachineIdentification
+from contourlab.identification.position_loop import identify_position_loops
 from contourlab.identification.result import (
     AxisIdentification,
     Identification,
@@ -42,6 +43,7 @@ __all__ = [
     "identified_machine",
     "identify",
     "identify_machine",
+    "identify_position_loops",
     "is_sweep",
     "track_health",
 ]

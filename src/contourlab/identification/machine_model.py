@@ -19,6 +19,7 @@ from contourlab.errors import RecordingError
 from contourlab.feedrate.limits import AxisLimits
 from contourlab.identification.frequency_model import FrequencyModel
 from contourlab.identification.machine_result import AxisModel, MachineIdentification
+from contourlab.identification.position_loop_response import loop_polynomials
 from contourlab.machines.base import NominalModel
 from contourlab.machines.drive import Drive
 from contourlab.machines.encoder import Encoder
@@ -35,6 +36,9 @@ ROOM = 0.1
 """Travel beyond the record, as a share of its stroke."""
 LEAST_JERK_TIME = 0.01
 """Where no jerk is known: the largest acceleration is reached in this time [s]."""
+LEAST_MASS = 0.05
+"""Share of τ / K_v that laws are told as mass of a position loop, at least: feed-forward makes a
+loop quicker than any mass."""
 COUNT_SHARE = 0.98
 """Share of neighbouring measured positions that lie on one grid for it to be counts."""
 
@@ -61,6 +65,8 @@ def identified_machine(
     axes, assumed = found.axes, []
     if axes and all(any(m.axis == a.axis and m.model == "two_mass" for m in models) for a in axes):
         return _two_masses(found, {m.axis: m for m in models}, title)
+    if axes and all("velocity_gain" in axis.parameters for axis in axes):
+        return _position_loops(found, title)
     for axis in axes:
         _refuse(axis)
     mass, viscous, stiffness = (_row(axes, name) for name in ("mass", "viscous", "stiffness"))
@@ -157,6 +163,62 @@ def _two_masses(
             side=tuple("motor" if model.side == "motor" else "tool" for model in chosen),
         ),
         travel=travel, limits=limits, assumed=tuple(assumed), title=title or "Identified machine",
+        source=found.source or "identified from a recording",
+    )  # fmt: skip
+
+
+def _position_loops(found: MachineIdentification, title: str) -> Machine:
+    """Return a machine whose axes are position loops; laws are told of a mass on a spring that
+    follows alike at low frequency."""
+    tops, bottoms, nominal = [], [], []
+    assumed: list[str] = []
+    for axis in found.axes:
+        gain, share, lag = (
+            axis[name].value for name in ("velocity_gain", "feed_forward", "time_constant")
+        )
+        if not np.isfinite([gain, lag]).all():
+            raise RecordingError(
+                f"axis {axis.axis}: the record does not tell velocity gain and time constant of "
+                "the loop one by one, so that there is no machine to write; record sharper motion, "
+                "or give what is known of it"
+            )
+        if not np.isfinite(share):
+            assumed.append(f"Feed-forward of {axis.axis} was not told; assumed: none.")
+            share = 0.0
+        rate = axis["integral_rate"].value
+        top, feed, bottom = loop_polynomials(gain, lag, rate if np.isfinite(rate) else 0.0)
+        tops.append(tuple(np.polyadd(top, share * feed).tolist()))
+        bottoms.append(tuple(bottom.tolist()))
+        quick = lag / gain
+        mass = quick - share * (1.0 - share) / gain**2
+        nominal.append((max(mass, LEAST_MASS * quick), max((1.0 - share) / gain, 0.0), 1.0))
+    delay, said = _delay(found.axes)
+    limits, travel = _limits(found)
+    assumed += [
+        *said,
+        "Travel and axis limits are what the record reached, with a tenth of its stroke more; they "
+        "are no data of the machine.",
+        "Dry friction is left out: a machine file has no place for friction inside a position "
+        "loop.",
+    ]
+    mass, viscous, stiffness = np.array(nominal).T
+    resolution, noise = _sensor(found.axes)
+    limit = np.asarray(found.command_limit, float)
+    return Machine(
+        names=tuple(axis.axis for axis in found.axes),
+        dynamics=TransferFunctionAxes(numerators=tuple(tops), denominators=tuple(bottoms)),
+        # a held command is half a sample late by itself
+        drive=Drive(
+            command="position", command_limit=limit,
+            computing_delay=max(delay - 0.5 * found.sample_time, 0.0),
+        ),
+        sensor=Encoder(resolution=resolution, noise=noise if np.any(noise > 0.0) else None),
+        travel=travel, limits=limits, assumed=tuple(assumed),
+        nominal_model=NominalModel(
+            mass=mass, viscous=viscous, coulomb=np.zeros(len(mass)), gain=np.ones(len(mass)),
+            command_limit=limit, command="position", stiffness=stiffness,
+        ),
+        title=title or "Identified position loops",
         source=found.source or "identified from a recording",
     )  # fmt: skip
 

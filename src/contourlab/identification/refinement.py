@@ -213,8 +213,10 @@ class _Linearised(NamedTuple):
 def _driven(
     theta: Rows, drive: Drive, pieces: Pieces, sample_time: float
 ) -> tuple[Any, Rows]:  # fmt: skip
-    whole = int(np.floor(theta[5] / sample_time))
     n = len(drive.command)
+    if not abs(theta[5]) < n * sample_time:  # a delay longer than the record, or none at all
+        raise np.linalg.LinAlgError("the delay went beyond the record")
+    whole = int(np.floor(theta[5] / sample_time))
     newer, older = (drive.command[np.clip(pieces.rows - whole - late, 0, n - 1)] for late in (0, 1))
     wanted = pieces.of(drive.position)
     response = respond(

@@ -38,17 +38,19 @@ def identification_table(found: MachineIdentification) -> Table:
     """
     from rich.table import Table
 
-    table = Table(title="Identified, in units of the command", title_justify="left")
+    loops = any("velocity_lag" in axis.parameters for axis in found.axes)
+    title = "Position loops" if loops else "Identified, in units of the command"
+    table = Table(title=title, title_justify="left")
     table.add_column("axis")
     table.add_column("parameter")
     table.add_column(f"value and half of the {100 * found.confidence:g} % interval")
-    table.add_column("least squares", justify="right")
+    if not loops:
+        table.add_column("least squares", justify="right")
     for axis in found.axes:
         for name, one in axis.parameters.items():
             start = axis.least_squares[name]
-            table.add_row(
-                axis.axis, name, str(one), f"{start.value:.6g}" if start.identified else "–"
-            )
+            began = f"{start.value:.6g}" if start.identified else "–"
+            table.add_row(axis.axis, name, str(one), *([] if loops else [began]))
     return table
 
 
@@ -141,12 +143,13 @@ def result_sentences(found: MachineIdentification) -> list[str]:
     """
     said = []
     for axis in found.axes:
-        parts = [
-            f"{name} {axis[name]}"
-            for name in ("mass", "viscous", "stiffness")
-            if axis[name].identified
-        ]
-        if math.isfinite(axis.coulomb):
+        named = (
+            ("velocity_lag", "velocity_gain", "feed_forward")
+            if "velocity_lag" in axis.parameters
+            else ("mass", "viscous", "stiffness")
+        )
+        parts = [f"{name} {axis[name]}" for name in named if axis[name].identified]
+        if "coulomb_forward" in axis.parameters and math.isfinite(axis.coulomb):
             parts.append(f"dry friction {axis.coulomb:.4g} {axis['coulomb_forward'].unit}")
         if axis["delay"].identified and not axis["delay"].known:
             parts.append(f"delay {1e3 * axis['delay'].value:.3g} ms")
