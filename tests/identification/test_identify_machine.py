@@ -149,11 +149,12 @@ def test_a_position_loop_is_a_mass_on_a_spring():
 
 
 def test_forces_that_nobody_knows_of_widen_the_intervals():
+    motion = motions(4.0)
     calm, rough = (
-        identify_machine(recording(measured[0], command[0], motions()[0]))
+        identify_machine(recording(measured[0], command[0], motion[0]))
         for measured, command in (
-            run(motions(), noise=1e-6, seed=7),
-            run(motions(), noise=1e-6, force=2.0, time=0.03, seed=7),
+            run(motion, noise=1e-6, seed=7),
+            run(motion, noise=1e-6, force=2.0, time=0.03, seed=7),
         )
     )
     for k in range(2):
