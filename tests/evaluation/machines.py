@@ -18,7 +18,7 @@ from contourlab.machines import (
 )
 
 SAMPLE_TIME = 2e-3
-RADIUS = 0.02
+RADIUS = 0.03
 FAST, SLOW = 0.08, 0.04  # m/s
 LAG = (1 / 30.0, 1 / 36.0)
 BACKLASH = 12e-6

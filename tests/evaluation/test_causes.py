@@ -33,6 +33,13 @@ def evaluate(recording, measured="tool"):
 
 
 @pytest.fixture(scope="module")
+def a_turn(everything):
+    """One direction at one feed."""
+    n = round(2.3 * np.pi * m.RADIUS / m.FAST / m.SAMPLE_TIME)
+    return cl.Recording(everything.dataset.isel(time=slice(0, n)))
+
+
+@pytest.fixture(scope="module")
 def judged(everything):
     """The log with every cause in it, evaluated once for each place of measurement."""
     return functools.cache(lambda measured: evaluate(everything, measured))
@@ -47,7 +54,8 @@ def rms(values):
 
 
 SINGLE = {
-    "backlash Y": ({"backlash": m.BACKLASH}, "width", m.BACKLASH, 0.05),
+    # the load rattles in its play: on average it does not lie at its ends
+    "backlash Y": ({"backlash": m.BACKLASH}, "width", m.BACKLASH, 0.2),
     "scale X": ({"scale": m.SCALE}, "scale", m.SCALE, 0.05),
     "squareness X-Y": ({"angle": m.ANGLE}, "angle", m.ANGLE, 0.05),
     "cyclic error X": ({"amplitude": m.AMPLITUDE}, "amplitude", m.AMPLITUDE, 0.1),
@@ -56,7 +64,13 @@ SINGLE = {
 }
 
 
-@pytest.mark.parametrize("name", SINGLE)
+LONG = [pytest.mark.slow, pytest.mark.overnight]
+
+
+# one of them here, since all together are looked for below; friction and play: test_friction
+@pytest.mark.parametrize(
+    "name", [one if one == "scale X" else pytest.param(one, marks=LONG) for one in SINGLE]
+)
 def test_one_cause_is_found_and_no_other(plain, name):
     put_in, parameter, true, tolerance = SINGLE[name]
     recording = m.run(**put_in)
@@ -73,7 +87,9 @@ def test_one_cause_is_found_and_no_other(plain, name):
             assert cause.state != "found" or cause.rms < 0.15 * made, other
 
 
-def test_lag_mismatch(plain):
+@pytest.mark.slow
+@pytest.mark.overnight
+def test_lag_mismatch():
     recording = m.run(gains=GAINS)
     found = by_name(evaluate(recording))
     cause = found["lag mismatch"]
@@ -98,11 +114,11 @@ def everything():
 def test_all_causes_together(judged):
     evaluation = judged("tool")
     found = by_name(evaluation)
-    for name, (_, parameter, true, _) in SINGLE.items():
+    for name, (_, parameter, true, tolerance) in SINGLE.items():
         assert found[name].state in ("found", "small")
         if parameter is not None:
             value = found[name].parameters[parameter][0]
-            np.testing.assert_allclose(value, true, rtol=0.1, err_msg=name)
+            np.testing.assert_allclose(value, true, rtol=max(tolerance, 0.1), err_msg=name)
     lags = [found["lag mismatch"].parameters[f"lag {axis}"][0] for axis in "XY"]
     np.testing.assert_allclose(lags, [1 / 30.0, 1 / 36.0], rtol=0.03)
     np.testing.assert_allclose(found["cyclic error X"].parameters["period"][0], m.PERIOD, rtol=0.02)
@@ -124,20 +140,18 @@ def test_the_motor_does_not_see_what_lies_behind_it(judged):
     lags = [found["lag mismatch"].parameters[f"lag {axis}"][0] for axis in "XY"]
     np.testing.assert_allclose(lags, [1 / 30.0, 1 / 36.0], rtol=0.03)
     assert found["friction X"].state == "found"
-    scale = by_name(judged("scale"))
+
+
+def test_where_it_was_measured_matters_and_is_asked_for(everything, a_turn):
+    assert any("state measured" in warning for warning in evaluate(a_turn, None).warnings)
+    scale = by_name(evaluate(a_turn, "scale"))
     assert scale["squareness X-Y"].state == "unobservable"
-
-
-def test_where_it_was_measured_matters_and_is_asked_for(everything, judged):
-    assert any("state measured" in warning for warning in judged(None).warnings)
     with pytest.raises(ConfigurationError, match="unknown measured 'table'"):
         evaluate(everything, "table")
 
 
-def test_one_direction_at_one_feed_does_not_separate_lag_from_squareness(everything):
-    n = round(2.3 * np.pi * m.RADIUS / m.FAST / m.SAMPLE_TIME)
-    half = cl.Recording(everything.dataset.isel(time=slice(0, n)))
-    evaluation = evaluate(half)
+def test_one_direction_at_one_feed_does_not_separate_lag_from_squareness(a_turn):
+    evaluation = evaluate(a_turn)
     found = by_name(evaluation)
     assert found["squareness X-Y"].state == "not separable"
     assert "both directions" in found["squareness X-Y"].note
@@ -145,8 +159,8 @@ def test_one_direction_at_one_feed_does_not_separate_lag_from_squareness(everyth
     assert any("cannot be told apart" in warning for warning in evaluation.warnings)
 
 
-def test_a_stated_pitch_is_used(everything):
-    given = cl.evaluate(everything, measured="tool", circular=False, pitch="10 mm", **TOOL)
+def test_a_stated_pitch_is_used(everything, a_turn):
+    given = cl.evaluate(a_turn, measured="tool", circular=False, pitch="10 mm", **TOOL)
     period = by_name(given)["cyclic error X"].parameters["period"]
     assert period == (0.010, "m")
     with pytest.raises(ConfigurationError, match="pitch must have one value or 2"):

@@ -35,7 +35,10 @@ MACHINES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", MACHINES)
+LONG = pytest.param("presliding", marks=[pytest.mark.slow, pytest.mark.overnight])
+
+
+@pytest.mark.parametrize("name", [*(one for one in MACHINES if one != "presliding"), LONG])
 def test_friction_and_play_together(name):
     dt, loop, dry, width, grid = MACHINES[name]
     commanded = there_and_back(dt)
@@ -78,7 +81,9 @@ def test_a_loop_that_does_not_integrate_has_steady_friction_and_no_play():
     assert rms(fit.contributions["peaks"] - (free - motor)) < 0.05 * rms(free - motor)
 
 
-@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize(
+    "way", [1.0, pytest.param(-1.0, marks=[pytest.mark.slow, pytest.mark.overnight])]
+)
 def test_friction_that_a_servo_holds_at_rest_is_known_from_the_start(way):
     """A log that begins after a stop: the loop holds the friction of the motion before it."""
     dt, loop, dry = 2e-3, Loop(), Dry(20.0)

@@ -180,8 +180,8 @@ class _Search:
                 self.poles, self.how, self.before, self.side, self.lost = start
         return left
 
-    def best_of(self, kinds: tuple[list[Sliding], ...]) -> None:
-        """Try each kind of friction with poles of its own, and keep the best."""
+    def best_of(self, kinds: tuple[list[Sliding], ...]) -> float:
+        """Try each kind of friction with poles of its own, keep the best; return what it leaves."""
         start = (self.poles, self.how, self.before, self.side, self.lost)
         best, kept = np.inf, start
         for hows in kinds:
@@ -191,6 +191,7 @@ class _Search:
             if left < best:
                 best, kept = left, (self.poles, self.how, self.before, self.side, self.lost)
         self.poles, self.how, self.before, self.side, self.lost = kept
+        return best
 
     def without_friction(self) -> None:
         """Try play alone, and keep it if friction explains no more."""
@@ -304,6 +305,9 @@ def _rounds(found: _Search) -> float:
         found.move([*_near(found.how), *others], BEFORES)
         before, left = left, 0.0
         found.poles, left = found.fitted(found.kind, found.poles)
+        near = _near(found.how)
+        if len(near) > 1:  # poles may make up for what is not right here: with poles of their own
+            left = found.best_of(tuple([one] for one in near))
         if left > ENOUGH * before:
             break
     left = found.simplify(left)
