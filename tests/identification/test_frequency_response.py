@@ -83,6 +83,54 @@ def test_two_masses_are_found_by_their_resonance():
     assert model.misfit < 1.5
 
 
+def test_a_load_does_not_tell_how_masses_share():
+    """Its response has no anti-resonance: sum and resonance are told, and no more."""
+    axes = TwoMassAxes.by_frequency(
+        mass=(30.0, 20.0), mass_ratio=(0.4, 0.6), anti_resonance_hz=(80.0, 110.0),
+        damping_ratio=0.02, motor_viscous=(100.0, 80.0),
+    )  # fmt: skip
+    model = fit_frequency_response(frequency_response(swept(axes))[0], model="two_mass",
+                                   side="load")  # fmt: skip
+    for name, true in (("mass", 30.0), ("resonance", np.asarray(axes.resonance_hz)[0])):
+        assert model.derived[name].low < true < model.derived[name].high
+        assert_allclose(model.derived[name].value, true, rtol=2e-3)
+    for name in ("motor_mass", "load_mass", "stiffness", "delay"):
+        assert not model[name].identified
+    assert np.isnan(model.anti_resonance_hz)
+
+
+def test_the_ends_of_a_sweep_make_no_resonance():
+    """A short sweep downwards, at whose end the mass goes on: no second mass is invented."""
+    down = chirp(T, 2.0, 4.0, 600.0, 80.0)[::-1]
+    command = np.stack([down, down], axis=1)
+    machine = Machine(
+        names=("X", "Y"), dynamics=RigidAxes(mass=MASS, viscous=VISCOUS),
+        drive=Drive(command="force", computing_delay=DELAY), sensor=Encoder(noise=2e-8),
+    )  # fmt: skip
+    measured = open_loop(machine, command, T, seed=1)
+    for one, mass, viscous in zip(
+        frequency_response(log_of(measured, command, T, "force")), MASS, VISCOUS, strict=True
+    ):
+        model = fit_frequency_response(one)
+        assert model.model == "rigid"
+        for name, true in (("mass", mass), ("viscous", viscous), ("delay", DELAY)):
+            assert model[name].low < true < model[name].high
+
+
+def test_an_axis_that_was_not_swept_has_no_response():
+    """At rest a loop makes a command of noise, with full coherence: the loop upside down."""
+    random = np.random.default_rng(2)
+    rest = 1e-7 * random.standard_normal(len(SWEEP))
+    command = np.stack([SWEEP[:, 0], -1e6 * rest], axis=1)
+    measured = np.stack([np.cumsum(np.cumsum(SWEEP[:, 0])) * T**2 / MASS[0], rest], axis=1)
+    reference = np.stack([1e-6 * SWEEP[:, 0], 0.0 * rest], axis=1)
+    swept_axis, still = frequency_response(log_of(measured, command, T, "force", reference))
+    assert swept_axis.usable.any()
+    assert (still.against, still.usable.any()) == ("nothing", False)
+    with pytest.raises(RecordingError, match="axis Y was not swept"):
+        fit_frequency_response(still)
+
+
 def test_the_reference_is_better_than_a_noisy_command():
     """Noise that a loop feeds back is in command and position; against the excitation it is not."""
     dynamics = RigidAxes(mass=MASS, viscous=VISCOUS)

@@ -145,16 +145,12 @@ class Identified:
         for model in self.models:
             what = f"axis {model.axis}: {model.model.replace('_', ' ')}, misfit {model.misfit:.2g}"
             if model.model == "two_mass":
-                what += (
-                    f", measured on the {model.side}, anti-resonance "
-                    f"{model.anti_resonance_hz:.4g} Hz, resonance {model.resonance_hz:.4g} Hz"
-                )
+                what += f", measured on the {model.side}"
             console.print(what, markup=False, highlight=False)
-            for name, one in model.parameters.items():
-                console.print(
-                    f"  {name} {one.value:.5g} ({one.low:.5g} to {one.high:.5g}) {one.unit}",
-                    markup=False, highlight=False,
-                )  # fmt: skip
+            for name, one in (model.parameters | model.derived).items():
+                ends = f" ({one.low:.5g} to {one.high:.5g})" if one.identified else ""
+                value = f"{one.value:.5g}{ends} {one.unit}" if one.identified else "not told"
+                console.print(f"  {name} {value}", markup=False, highlight=False)
         for note in [*self.notes, *(self.found.notes if self.found is not None else ())]:
             console.print(f"note: {note}", markup=False, highlight=False, style="dim")
 

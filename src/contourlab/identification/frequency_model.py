@@ -44,6 +44,10 @@ GOOD = 1.3
 """Misfit below which a model needs no more parameters."""
 MUCH_LESS = 0.5
 """Share of the misfit that a model with more parameters has to stay below."""
+SINGULAR = 1e-13
+"""Eigenvalue, relative to the largest, below which rounding decides."""
+TOLD = float(np.log(2.0))
+"""Half an interval of a logarithm from which a parameter is not told: within a factor of two."""
 SPREAD = 1.5
 """By Hann's window neighbouring frequencies tell the same: variances are that much larger."""
 Rows = NDArray[Any]
@@ -59,6 +63,10 @@ class FrequencyModel:
     side: str
     """``motor`` or ``load``: where two masses are measured; ``tool`` of a rigid axis."""
     parameters: dict[str, Parameter]
+    """One that the response does not tell has no value."""
+    derived: dict[str, Parameter]
+    """Of two masses: ``mass``, their sum, ``resonance`` and ``anti_resonance`` [Hz], and
+    ``damping_ratio`` of the resonance; these may be told where the split is not."""
     misfit: float
     """Root mean square of the relative error over its standard deviation: 1 is a perfect fit."""
     frequency: Rows = field(repr=False)
@@ -71,18 +79,13 @@ class FrequencyModel:
 
     @property
     def anti_resonance_hz(self) -> float:
-        """√(k / M_l) / 2π [Hz]; NaN of one mass."""
-        if self.model != "two_mass":
-            return float("nan")
-        return float(np.sqrt(self["stiffness"].value / self["load_mass"].value) / (2.0 * np.pi))
+        """√(k / M_l) / 2π [Hz]; NaN of one mass, and where it is not told."""
+        return self.derived["anti_resonance"].value if self.derived else float("nan")
 
     @property
     def resonance_hz(self) -> float:
         """√(k (1/M_m + 1/M_l)) / 2π [Hz]; NaN of one mass."""
-        if self.model != "two_mass":
-            return float("nan")
-        inverse = 1.0 / self["motor_mass"].value + 1.0 / self["load_mass"].value
-        return float(np.sqrt(self["stiffness"].value * inverse) / (2.0 * np.pi))
+        return self.derived["resonance"].value if self.derived else float("nan")
 
 
 def fit_frequency_response(
@@ -119,6 +122,11 @@ def fit_frequency_response(
         raise ConfigurationError(f"confidence must be > 0 and < 1, got {confidence!r}")
     if not delay_limit > 0.0:
         raise ConfigurationError(f"delay_limit must be > 0 s, got {delay_limit!r}")
+    if response.against == "nothing":
+        raise RecordingError(
+            f"axis {response.axis} was not swept: its reference rests, and its command is what the "
+            "loop makes of noise"
+        )
     use = response.usable
     f, h = response.frequency[use], response.response[use]
     if len(f) < 8:
@@ -251,20 +259,60 @@ class _Fitter:
         n = 2 * len(self.f)
         free = max(n - len(found.values), 1)
         variance = SPREAD * max(found.cost / free, 1.0)
-        covariance = np.linalg.pinv(found.jacobian.T @ found.jacobian) * variance
+        products = found.jacobian.T @ found.jacobian
+        size = np.sqrt(np.maximum(np.diagonal(products), 1e-300))
+        values, turned = np.linalg.eigh(products / np.outer(size, size))
+        # a direction that is not told is not sure, which leaving it out would say
+        values = np.maximum(values, SINGULAR * values[-1])
+        covariance = turned / values @ turned.T / np.outer(size, size) * variance
         half = float(student.ppf(0.5 + 0.5 * confidence, max(free / (2 * SPREAD), 1.0)))
-        half_width = half * np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
         units = _units(response.command_kind)
-        parameters = {}
-        for k, name in enumerate(MODELS[found.model]):
-            value, width = float(found.values[k]), float(half_width[k])
-            if name == "delay":
-                ends = [self.step * (value + w) for w in (0.0, -width, width)]
+
+        def parameter(value: float, gradient: Rows, unit: str, late: bool = False) -> Parameter:
+            """Of a logarithm, or a delay in samples."""
+            width = half * float(np.sqrt(max(gradient @ covariance @ gradient, 0.0)))
+            ends = [value, value - width, value + width]
+            if late:
+                ends = [self.step * end for end in ends]
             else:
-                ends = [float(np.exp(np.clip(value + w, -300, 300))) for w in (0.0, -width, width)]
-            parameters[name] = Parameter(value=ends[0], low=ends[1], high=ends[2], unit=units[name])
+                ends = [np.nan] * 3 if width > TOLD else [float(np.exp(end)) for end in ends]
+            return Parameter(value=ends[0], low=ends[1], high=ends[2], unit=unit)
+
+        each = np.eye(len(found.values))
+        parameters = {
+            name: parameter(float(found.values[k]), each[k], units[name], name == "delay")
+            for k, name in enumerate(MODELS[found.model])
+        }
+        derived = {}
+        if found.model == "two_mass":
+            motor, load, k, c = np.exp(found.values[:4])
+            part = load / (motor + load)
+            inverse = np.log(1.0 / motor + 1.0 / load)
+            of_inverse = np.array([-part, part - 1.0, 0.0, 0.0, 0.0, 0.0])
+            hertz = np.log(2.0 * np.pi)
+            for name, value, gradient, unit in (
+                ("mass", np.log(motor + load), (1.0 - part) * each[0] + part * each[1],
+                 units["mass"]),
+                ("resonance", 0.5 * (np.log(k) + inverse) - hertz,
+                 0.5 * (each[2] + of_inverse), "Hz"),
+                ("anti_resonance", 0.5 * np.log(k / load) - hertz, 0.5 * (each[2] - each[1]), "Hz"),
+                ("damping_ratio", np.log(0.5 * c) + 0.5 * (inverse - np.log(k)),
+                 each[3] + 0.5 * (of_inverse - each[2]), "1"),
+            ):  # fmt: skip
+                derived[name] = parameter(float(value), gradient, unit)
+            share = ("motor_mass", "load_mass", "stiffness")
+            if found.side == "load" and not all(parameters[name].identified for name in share):
+                # on the way to a load without mass the rest of the split only seems to be sure
+                for some, names in (
+                    (parameters, (*share, "damping", "delay")),
+                    (derived, ("anti_resonance", "damping_ratio")),
+                ):
+                    for name in names:
+                        unit = some[name].unit
+                        some[name] = Parameter(value=np.nan, low=np.nan, high=np.nan, unit=unit)
         return FrequencyModel(
             axis=response.axis, model=found.model, side=found.side, parameters=parameters,
+            derived=derived,
             misfit=float(np.sqrt(found.cost / free)), frequency=self.f,
             response=self.response(found.model, found.side, found.values),
         )  # fmt: skip

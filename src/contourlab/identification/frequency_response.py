@@ -10,7 +10,8 @@ is consistent in a closed loop too; without one, x is the command, and noise tha
 back biases H where the coherence is low. Positions are differenced twice before and that divided
 out again: an axis that integrates has its power at low frequency, which would leak over all others,
 and a mass has a response that hardly changes within a band. Frequencies outside the sweep are not
-used: what is there comes from how a record begins and ends.
+used, nor those that it passes as the record begins or ends: what is there comes from how a record
+begins and ends.
 
 **How sure.** γ_u² and γ_q² are the coherences of x with command and position. The standard
 deviation of H over its size is √((1/γ_u² + 1/γ_q² - 2) / 2 n), with n the lines in the band.
@@ -66,7 +67,8 @@ class FrequencyResponse:
     resolution: float
     """Width of the narrowest band [Hz]."""
     against: str
-    """What x is: ``excitation``, ``reference`` or ``command``."""
+    """What x is: ``excitation``, ``reference`` or ``command``; ``nothing`` where the axis was not
+    swept."""
 
     @property
     def unit(self) -> str:
@@ -129,7 +131,10 @@ def frequency_response(
     recording
         With ``measured`` and ``command``; with ``excitation`` or ``reference`` where there is one.
     against
-        ``excitation``, ``reference`` or ``command``; ``auto``: the first of these that moves.
+        ``excitation``, ``reference`` or ``command``; ``auto``: the first of these that is a sweep,
+        and else the first that moves. Where the reference rests and the command is no sweep, the
+        command is what a loop makes of noise, and tells of the loop and not of the axis: then
+        nothing is usable, unless ``command`` is asked for.
     window
         Start and end [s]; the whole record if None.
     resolution
@@ -179,9 +184,12 @@ def _against(
         return [against] * len(record.names), there[against]
     names, columns = [], []
     for k in range(len(record.names)):
-        name = next((n for n, rows in there.items() if np.ptp(rows[:, k]) > 0.0), "command")
-        names.append(name)
+        moving = [n for n, rows in there.items() if np.ptp(rows[:, k]) > 0.0]
+        swept = [n for n in moving if is_sweep(there[n][:, k], record.sample_time)]
+        name = next(iter([*swept, *moving, "command"]))
         columns.append(there[name][:, k])
+        rests = name == "command" and len(there) > 1
+        names.append("nothing" if rests and not swept else name)
     return names, np.stack(columns, axis=1)
 
 
@@ -224,16 +232,29 @@ def _of_axis(
         spread = np.sqrt(left / (2.0 * counted))
     coherence = np.minimum(of_u, of_q)
     usable = (coherence > SURE) & np.isfinite(response) & (frequency > 0.0)
+    usable &= against != "nothing"
     # of a linear sweep the power is even, of a logarithmic one power times frequency
     dense = power / counted
     usable &= (dense > LEAST_POWER * _usual(dense)) | (
         frequency * dense > LEAST_POWER * _usual(frequency * dense)
     )
+    if is_sweep(x, step):
+        usable &= _whole(fx, starts, edges[-1], frequency, n * step)
     return FrequencyResponse(
         axis=axis, command_kind=record.kind, frequency=frequency, response=response,
         coherence=coherence, deviation=spread, usable=usable, sample_time=step,
         resolution=least * line, against=against,
     )  # fmt: skip
+
+
+def _whole(fx: Rows, starts: Rows, last: int, frequency: Rows, duration: float) -> Rows:
+    """Return which bands a sweep passes while signals do not fade in or out, nor within a period of
+    that: there the response is cut off before it is over."""
+    # the time at which a frequency is passed is how fast the phase falls over the lines
+    turns = np.append(fx[1:] * np.conj(fx[:-1]), 0.0)[:last]
+    passed = -np.angle(np.add.reduceat(turns, starts)) / (2.0 * np.pi) % 1.0 * duration
+    margin = TAPER * duration + 1.0 / np.maximum(frequency, 1e-300)
+    return np.asarray((passed > margin) & (passed < duration - margin))
 
 
 def _usual(power: Rows) -> float:

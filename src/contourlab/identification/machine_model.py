@@ -63,7 +63,8 @@ def identified_machine(
         An axis has no mass or viscous friction, or a mass that may be 0: there is no machine.
     """
     axes, assumed = found.axes, []
-    if axes and all(any(m.axis == a.axis and m.model == "two_mass" for m in models) for a in axes):
+    split = {m.axis for m in models if m.model == "two_mass" and _whole(m)}
+    if axes and split >= {axis.axis for axis in axes}:
         return _two_masses(found, {m.axis: m for m in models}, title)
     if axes and all("velocity_gain" in axis.parameters for axis in axes):
         return _position_loops(found, title)
@@ -122,6 +123,11 @@ def identified_machine(
         title=title or "Identified machine",
         source=found.source or "identified from a recording",
     )  # fmt: skip
+
+
+def _whole(model: FrequencyModel) -> bool:
+    """Return whether a response tells how two masses share: on the load it hardly does."""
+    return all(one.identified for one in model.parameters.values())
 
 
 def _two_masses(

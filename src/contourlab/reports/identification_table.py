@@ -91,11 +91,9 @@ def model_rows(models: tuple[FrequencyModel, ...]) -> list[list[str]]:
     """
     rows = []
     for model in models:
-        for name, one in model.parameters.items():
-            rows.append([model.axis, name, f"{one.value:.6g}", _ends(one), one.unit])
-        if model.model == "two_mass":
-            rows.append([model.axis, "anti-resonance", f"{model.anti_resonance_hz:.4g}", "–", "Hz"])
-            rows.append([model.axis, "resonance", f"{model.resonance_hz:.4g}", "–", "Hz"])
+        for name, one in (model.parameters | model.derived).items():
+            value = f"{one.value:.6g}" if one.identified else "not told"
+            rows.append([model.axis, name.replace("_", " "), value, _ends(one), one.unit])
         rows.append([model.axis, "misfit", f"{model.misfit:.3g}", "–", ""])
     return rows
 
@@ -216,6 +214,6 @@ def _model(model: FrequencyModel) -> dict[str, Any]:
                 "value": _number(one.value), "low": _number(one.low), "high": _number(one.high),
                 "unit": one.unit,
             }
-            for name, one in model.parameters.items()
+            for name, one in (model.parameters | model.derived).items()
         },
     }  # fmt: skip
