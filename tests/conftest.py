@@ -15,12 +15,17 @@ import contourlab  # noqa: F401  (float64)
 _HOME = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
 _CACHE = _HOME / "contourlab" / "jax-tests"
 
-_QUICK = "--xla_cpu_use_fusion_emitters=false"
-"""XLA's older way to write loops: most programs of tests run for less time than they compile."""
+_QUICK = (
+    "--xla_cpu_use_fusion_emitters=false"
+    " --xla_backend_optimization_level=0"
+    " --xla_cpu_parallel_codegen_split_count=1"
+)
+"""XLA's older way to write loops, LLVM without its passes, in one part: most programs of tests run
+for less time than they compile."""
 
 
 def _compile_quickly() -> None:
-    """Compile in a third less time; slow tests, and tests started by hand, run as users run."""
+    """Compile in half the time; slow tests, and tests started by hand, run as users run."""
     flags = " ".join(filter(None, [os.environ.get("XLA_FLAGS"), _QUICK]))
     # an XLA that does not know a flag ends the process
     known = subprocess.run(
@@ -35,6 +40,10 @@ def _compile_quickly() -> None:
 def pytest_configure(config: pytest.Config) -> None:
     jax.config.update("jax_compilation_cache_dir", str(_CACHE))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    # tracing makes millions of small objects, few of them in cycles
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(50_000, 20, 20)
     # for examples, snippets and programs that tests start
     os.environ["JAX_COMPILATION_CACHE_DIR"] = str(_CACHE)
     os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
