@@ -54,7 +54,8 @@ def test_intervals_of_a_published_machine_hold_the_truth(name):
     runs = 60
     hits = over_many_seeds(name, runs, first=1000)
     assert np.isfinite(hits[:, :, :2]).all()  # mass and viscous friction, in every log
-    shares = np.nanmean(hits, axis=(1, 2))
+    hits = hits[:, np.isfinite(hits).any(axis=0)]  # some motions do not tell the delay
+    shares = np.nanmean(hits, axis=1)
     deviation = shares.std() / np.sqrt(runs)
     assert shares.mean() > 0.95 - 3.0 * deviation
     assert shares.mean() < 0.99
