@@ -50,6 +50,10 @@ RISES = ((0.3, 2e-3), (0.3, 1e-2), (0.8, 2e-3), (0.8, 1e-2))
 CLEARLY = 2.0
 """Lost motion is ruled out if it leaves more than this many times the square that steady friction
 does: both change over at a reversal, and rounding lets either fit a little better."""
+GRID = 0.25
+"""Of two grid steps: rounding of commanded and actual position leaves √(2 / 12) of a step."""
+NOTHING = 1e-5
+"""Share of the error of an axis that is not looked into."""
 FACTOR = 1.5
 """By which what was found is changed to see whether that is better."""
 
@@ -168,6 +172,11 @@ class _Search:
             best, self.how, self.before, self.side, self.lost = kept
         return best
 
+    def explained(self, left: float) -> bool:
+        """Return whether what is left is no more than the grid makes, or next to nothing."""
+        size = float(np.std(self.target[self.rows]))
+        return bool(np.sqrt(left / len(self.rows)) <= GRID * self.stage.least + NOTHING * size)
+
     def simplify(self, left: float) -> float:
         """Drop what explains no more than chance of how friction sets in; return what is left."""
         for simpler, parameters in _simpler(self.how):
@@ -274,7 +283,9 @@ def _quickly(other: _Search, found: _Search) -> float:
 def _searched(found: _Search) -> float:
     """Let a search run; return what it leaves."""
     found.begin()
-    found.poles, _ = found.fitted(found.kind, found.poles)
+    found.poles, left = found.fitted(found.kind, found.poles)
+    if found.explained(left):
+        return left
     found.move([Sliding(before=one) for one in BEFORES], BEFORES)
     plain = Sliding(before=found.how.before)
     kinds = (
@@ -283,7 +294,9 @@ def _searched(found: _Search) -> float:
         [plain._replace(creep=one) for one in CREEPS],
         [plain._replace(rise=a, speed=v) for a, v in RISES],
     )
-    found.best_of(kinds)
+    left = found.best_of(kinds)
+    if found.explained(left):
+        return found.simplify(left)
     if found.plays:
         found.without_friction()
     both = [found.how]
@@ -308,10 +321,10 @@ def _rounds(found: _Search) -> float:
         near = _near(found.how)
         if len(near) > 1:  # poles may make up for what is not right here: with poles of their own
             left = found.best_of(tuple([one] for one in near))
-        if left > ENOUGH * before:
+        if left > ENOUGH * before or found.explained(left):
             break
     left = found.simplify(left)
-    while (more := richer(found.kind, found.poles)) is not None:
+    while (more := richer(found.kind, found.poles)) is not None and not found.explained(left):
         kind, start = more
         poles, less = found.fitted(kind, start)
         if (left - less) * found.freedom() / max(less, 1e-300) / 3.0 < BETTER:
