@@ -97,8 +97,13 @@ def test_mistakes_are_named(program, tmp_path):
 
 
 def test_several_logs_are_tracked(program, tmp_path):
-    status, out, err = program("identify", *[LOG] * 4, *COLUMNS, "--json")
+    """Two of them too: the first is then what the second is compared with."""
+    later = tmp_path / LOG.name
+    later.write_bytes(LOG.read_bytes())
+    status, out, err = program("identify", LOG, later, *COLUMNS, "--json")
     assert status == 0, err
     health = json.loads(out)["health"]
     assert health["changes"] == []
-    assert len(health["records"]) == 4
+    # of one name, told apart by their folders
+    assert health["records"] == [f"{LOG.parent.name}/{LOG.name}", f"{tmp_path.name}/{LOG.name}"]
+    assert health["baseline_records"] == 1

@@ -51,6 +51,13 @@ def identify(
     false_alarms: Annotated[
         float, typer.Option(help="Chance of any false alarm over several records.")
     ] = 0.01,
+    baseline: Annotated[
+        int | None,
+        typer.Option(
+            help="Records that the others are compared with: three, or all but the last of fewer.",
+            show_default=False,
+        ),
+    ] = None,
     confidence: Annotated[float, typer.Option(help="Of the intervals.")] = 0.95,
     output: Annotated[Path | None, optional("Machine file to write, for compare.")] = None,
     report: Annotated[Path | None, optional("HTML page to write.")] = None,
@@ -88,7 +95,7 @@ def identify(
     ]  # fmt: skip
     found: Identified = identify_records(
         read, [str(file) for file in logs], options, window=span, track=step, sweep=sweep,
-        rate=false_alarms,
+        rate=false_alarms, baseline=baseline,
     )  # fmt: skip
     found.write(output, report, suggest, force=force)
     if as_json:

@@ -162,14 +162,27 @@ def _machine(
     positions = one["command"].attrs.get("kind") == "position"
     if not positions or options["stiffness"] is not None or options["drive_lag"]:
         return identify_machine(one, window=window, source=source, **options)
-    return identify_position_loops(
-        one, known=options["known"], confidence=options["confidence"], window=window, source=source
-    )
+    return identify_position_loops(one, window=window, source=source, **_of_loops(options))
+
+
+def _of_loops(options: dict[str, Any]) -> dict[str, Any]:
+    return {name: options[name] for name in ("known", "confidence")}
+
+
+def _labels(sources: Sequence[str]) -> list[str]:
+    """Return names of files, with as much of their folders as tells them apart."""
+    parts = [Path(source).absolute().parts for source in sources]
+    for n in range(1, max(map(len, parts))):
+        names = ["/".join(one[-n:]) for one in parts]
+        if len(set(names)) == len(set(parts)):
+            return names
+    return list(sources)
 
 
 def identify_records(
     read: Sequence[Read], sources: Sequence[str], options: dict[str, Any], *,
     window: tuple[float, float] | None, track: float | None, sweep: str, rate: float,
+    baseline: int | None = None,
 ) -> Identified:  # fmt: skip
     """Return what recordings say of their machine.
 
@@ -189,6 +202,8 @@ def identify_records(
         Whether the record is a sweep: auto, yes or no.
     rate
         Chance of any false alarm.
+    baseline
+        Records that the others are compared with.
     """
     result = Identified()
     for (_, warnings, notes), source in zip(read, sources, strict=True):
@@ -200,12 +215,15 @@ def identify_records(
     if several and (track is not None or window is not None):
         raise ConfigurationError("track and window go with one log")
     if several or track is not None:
+        if all(one["command"].attrs.get("kind") == "position" for one in recordings):
+            options = _of_loops(options)
         result.health = track_health(
             recordings if several else recordings[0],
-            labels=[Path(s).name for s in sources] if several else None,
-            window=track, rate=rate, options=options,
+            labels=_labels(sources) if several else None,
+            window=track, rate=rate, options=options, n_baseline=baseline,
         )  # fmt: skip
         result.warnings += [str(change) for change in result.health.changes]
+        result.notes += result.health.notes
         last = next((r for r in reversed(result.health.records) if r is not None), None)
         result.found = last
         return result

@@ -10,7 +10,7 @@ compared with a baseline, the mean of its first ones. For each later one
 either gets without any change has no closed form: the t_i share the baseline, have Student's tails,
 and are looked at many times. So series without a change are drawn, of the very lengths and degrees
 of freedom, and the thresholds are what only a share of α of them exceeds in any parameter at any
-time, split evenly between (1) and (2).
+time, each of (1) and (2) as seldom as the other.
 """
 
 from __future__ import annotations
@@ -24,6 +24,9 @@ __all__ = ["SLACK", "Thresholds", "statistics", "thresholds"]
 
 SLACK = 0.5
 """k of (2)."""
+EXCEEDING = 50
+"""Series that alarm: the rate is then known to a seventh of itself."""
+LEAST_DRAWS, MOST_DRAWS = 4000, 100_000
 Rows = NDArray[Any]
 
 
@@ -76,8 +79,9 @@ def statistics(values: Rows, deviations: Rows, n_baseline: int) -> tuple[Rows, R
 
 
 def thresholds(
-    there: Rows, degrees: Rows, n_baseline: int, *, rate: float, draws: int = 4000, seed: int = 0
-) -> Thresholds:
+    there: Rows, degrees: Rows, n_baseline: int, *, rate: float, draws: int | None = None,
+    seed: int = 0,
+) -> Thresholds:  # fmt: skip
     """Return the thresholds for a rate of false alarms over all series together.
 
     Parameters
@@ -91,12 +95,14 @@ def thresholds(
     rate
         α, share of all series without a change in which there is any alarm, 0 < α < 1.
     draws
-        How often.
+        How often; if None, so that 50 series alarm, and 4000 times at least.
     seed
         Of the draws.
     """
     if not np.any(there.sum(axis=1) > n_baseline):
         return Thresholds(np.inf, np.inf)
+    if draws is None:
+        draws = int(np.clip(np.ceil(EXCEEDING / rate), LEAST_DRAWS, MOST_DRAWS))
     random = np.random.default_rng(seed)
     jumps, drifts = np.zeros(draws), np.zeros(draws)
     block = max(1, int(2_000_000 / max(there.size, 1)))
@@ -109,5 +115,7 @@ def thresholds(
         t, sums, _, _ = statistics(values, np.where(there, spread, np.nan), n_baseline)
         jumps[begin : begin + n] = np.nanmax(np.abs(np.nan_to_num(t)), axis=(1, 2))
         drifts[begin : begin + n] = np.nanmax(np.nan_to_num(sums), axis=(1, 2))
-    share = 1.0 - 0.5 * rate
+    # one share of the series for each, so large that both together alarm in the rate of them
+    rank = np.maximum(*(np.argsort(np.argsort(x)) / (draws - 1.0) for x in (jumps, drifts)))
+    share = float(np.quantile(rank, 1.0 - rate))
     return Thresholds(float(np.quantile(jumps, share)), float(np.quantile(drifts, share)))

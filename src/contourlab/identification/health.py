@@ -19,12 +19,22 @@ from scipy.stats import t as student
 from contourlab.errors import ConfigurationError, RecordingError
 from contourlab.identification.false_alarms import Thresholds, statistics, thresholds
 from contourlab.identification.machine import identify_machine
-from contourlab.identification.machine_result import MachineIdentification
+from contourlab.identification.machine_result import AxisModel, MachineIdentification
+from contourlab.identification.position_loop import LOOP_PARAMETERS, identify_position_loops
 from contourlab.recordings.recording import Recording
 
 __all__ = ["Change", "Health", "HealthSeries", "track_health"]
 
-TRACKED = ("mass", "viscous", "stiffness", "coulomb_forward", "coulomb_backward", "delay")
+TRACKED = (
+    "mass", "viscous", "stiffness", "coulomb_forward", "coulomb_backward", "delay",
+    *(name for name in LOOP_PARAMETERS if name != "delay"),
+)  # fmt: skip
+BY_DELAY = ("mass", "viscous")
+"""What a delay that is taken for 0 s is mistaken for."""
+EXPECTED = ("mass", "viscous", "coulomb_forward", "coulomb_backward")
+"""What every exciting motion tells."""
+USUAL_BASELINE = 3
+"""Records that make the baseline, where there is one more."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -116,6 +126,8 @@ class Health:
         return {
             "records": list(self.labels),
             "false_alarm_rate": self.rate,
+            "baseline_records": self.n_baseline,
+            "notes": list(self.notes),
             "series": [
                 {
                     "axis": one.axis, "parameter": one.parameter, "unit": one.unit,
@@ -140,7 +152,7 @@ def track_health(
     *,
     labels: Sequence[str] | None = None,
     window: float | None = None,
-    n_baseline: int = 3,
+    n_baseline: int | None = None,
     rate: float = 0.01,
     least_change: float = 0.01,
     seed: int = 0,
@@ -157,7 +169,7 @@ def track_health(
     window
         Length of a window of one recording, > 0 [s]; a tenth of it if None.
     n_baseline
-        Records that make the baseline, >= 1.
+        Records that make the baseline, >= 1; if None, three, or all but the last of fewer.
     rate
         Chance of any false alarm over all of it, between 0 and 1.
     least_change
@@ -166,33 +178,42 @@ def track_health(
     seed
         Of the Monte Carlo behind the thresholds.
     options
-        Of ``identify_machine``.
+        Of ``identify_machine``; of ``identify_position_loops`` if all that was commanded are
+        positions.
 
     Raises
     ------
     ConfigurationError
         An option out of bounds, or too few records for a baseline and one more.
     RecordingError
-        Records of different axes, or none of which anything can be found.
+        Records of different axes or commands, or none of which anything can be found.
     """
-    if not (isinstance(n_baseline, int) and n_baseline >= 1):
+    if n_baseline is not None and not (isinstance(n_baseline, int) and n_baseline >= 1):
         raise ConfigurationError(f"n_baseline must be a whole number >= 1, got {n_baseline!r}")
     if not 0.0 < rate < 1.0:
         raise ConfigurationError(f"rate must be > 0 and < 1, got {rate!r}")
     if not least_change >= 0.0:
         raise ConfigurationError(f"least_change must be >= 0, got {least_change!r}")
     parts, names = _parts(recordings, labels, window)
+    if n_baseline is None:
+        n_baseline = max(1, min(USUAL_BASELINE, len(parts) - 1))
     if len(parts) <= n_baseline:
         raise ConfigurationError(
-            f"{n_baseline} records make the baseline, and one more is needed; got {len(parts)}"
+            f"{n_baseline} record{'s make' if n_baseline > 1 else ' makes'} the baseline, and one "
+            f"more is needed; got {len(parts)}"
         )
     found, notes, axes = _identified(parts, names, dict(options or {}))
     rows = [
         (axis, parameter)
         for axis in axes
         for parameter in TRACKED
-        if any(r is not None and r[axis][parameter].identified for r in found)
+        if any(r is not None and _told(r[axis], parameter) for r in found)
     ]
+    late = {
+        axis for axis in axes
+        if any(r is not None and _told(r[axis], "delay") and r[axis]["delay"].low > 0.0
+               for r in found)
+    }  # fmt: skip
     value, low, high, degrees = (np.full((len(rows), len(parts)), np.nan) for _ in range(4))
     units, deviations = {}, np.full((len(rows), len(parts)), np.nan)
     for i, record in enumerate(found):
@@ -202,9 +223,16 @@ def track_health(
             a.axis: student.ppf(0.5 + 0.5 * record.confidence, a.degrees) for a in record.axes
         }
         for k, (axis, parameter) in enumerate(rows):
+            if not _told(record[axis], parameter):
+                continue
             one = record[axis][parameter]
             units[axis, parameter] = one.unit
-            if one.identified and not one.known:
+            if axis in late and parameter in BY_DELAY and not record[axis]["delay"].identified:
+                notes.append(
+                    f"{names[i]}, axis {axis}: {parameter} is not compared: other records show a "
+                    "delay, which this one does not tell from it; give it as known"
+                )
+            else:
                 value[k, i], low[k, i], high[k, i] = one.value, one.low, one.high
                 deviations[k, i] = 0.5 * (one.high - one.low) / quantile[axis]
                 degrees[k, i] = record[axis].degrees
@@ -223,8 +251,14 @@ def track_health(
     return Health(
         labels=names, records=tuple(found), series=series,
         changes=tuple(sorted(changes, key=lambda c: c.record)), thresholds=limits, rate=rate,
-        n_baseline=n_baseline, least_change=least_change, notes=notes,
+        n_baseline=n_baseline, least_change=least_change, notes=tuple(notes),
     )  # fmt: skip
+
+
+def _told(axis: AxisModel, parameter: str) -> bool:
+    """Return whether a record tells a parameter, and was not told it."""
+    one = axis.parameters.get(parameter)
+    return one is not None and one.identified and not one.known
 
 
 def _parts(
@@ -264,12 +298,13 @@ def _parts(
 
 def _identified(
     parts: list[Recording], names: tuple[str, ...], options: dict[str, Any]
-) -> tuple[list[MachineIdentification | None], tuple[str, ...], tuple[str, ...]]:
+) -> tuple[list[MachineIdentification | None], list[str], tuple[str, ...]]:
     found: list[MachineIdentification | None] = []
-    notes, axes, last = [], None, ""
+    notes, axes, kind, last = [], None, "", ""
     for part, name in zip(parts, names, strict=True):
         try:
-            one = identify_machine(part, **options)
+            positions = part["command"].attrs.get("kind") == "position"
+            one = (identify_position_loops if positions else identify_machine)(part, **options)
         except RecordingError as error:
             found.append(None)
             notes.append(f"{name}: nothing was found: {error}")
@@ -280,16 +315,21 @@ def _identified(
             raise RecordingError(
                 f"{name} has the axes {', '.join(own)}, the records before {', '.join(axes)}"
             )
-        axes = own
+        if kind not in ("", one.command_kind):
+            raise RecordingError(
+                f"{name} has a command of {one.command_kind}, the records before of {kind}: their "
+                "parameters are in other units"
+            )
+        axes, kind = own, one.command_kind
         found.append(one)
+        expected = ("velocity_lag",) if kind == "position" else EXPECTED
         for axis in one.axes:
-            gone = [p for p in TRACKED if p not in ("stiffness", "delay")
-                    and not axis[p].identified]  # fmt: skip
+            gone = [p for p in expected if not axis[p].identified]
             if gone:
                 notes.append(f"{name}, axis {axis.axis}: {', '.join(gone)} not excited")
     if axes is None:
         raise RecordingError(f"nothing was found in any record: {last}")
-    return found, tuple(notes), axes
+    return found, notes, axes
 
 
 def _change(
