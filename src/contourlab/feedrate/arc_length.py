@@ -13,7 +13,6 @@ from functools import partial
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
@@ -70,7 +69,7 @@ def _in_chunks(function: Any, *columns: Values) -> Values:
             np.pad(row, ((0, size - count), *((0, 0),) * (row.ndim - 1)), mode="edge")
             for row in rows
         ]
-        parts.append(np.asarray(function(*map(jnp.asarray, padded)))[:count])
+        parts.append(np.asarray(function(*padded))[:count])
     return np.concatenate(parts)
 
 

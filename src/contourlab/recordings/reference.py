@@ -11,9 +11,9 @@ from typing import Any
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
+from numpy.typing import NDArray
 
 from contourlab.configuration import Configuration, part, real, static
 from contourlab.contours.base import Contour
@@ -107,10 +107,10 @@ class Reference(Configuration):
             Those of them that tell how it moves.
         """
         profile = [
-            jnp.asarray(np.asarray(p, float))
+            np.asarray(p, float)
             for p in (parameter, parameter_rate, parameter_acceleration, parameter_jerk)
         ]
-        rows = [np.asarray(row) for row in _along(contour, *profile)]
+        rows = _in_blocks(contour, profile)
         return Reference(
             sample_time=sample_time, parameter=parameter, parameter_rate=parameter_rate,
             parameter_acceleration=parameter_acceleration, position=rows[0], velocity=rows[1],
@@ -153,6 +153,19 @@ class Reference(Configuration):
         return ReferencePoint(
             last.parameter, np.zeros(()), np.zeros(()), last.position, zero, zero, zero
         )
+
+
+_BLOCK = 1024
+"""Rows evaluated at once: motions of any length are one compiled program."""
+
+
+def _in_blocks(contour: Contour, profile: list[NDArray[Any]]) -> list[Record]:
+    """Return position, velocity, acceleration and jerk, each of shape (n_samples, n_axes)."""
+    n = len(profile[0])
+    # the last block is filled up with rows from the start
+    filled = [np.resize(p, (max(1, -(-n // _BLOCK)), _BLOCK)) for p in profile]
+    blocks = [_along(contour, *rows) for rows in zip(*filled, strict=True)]
+    return [np.concatenate([np.asarray(b) for b in part])[:n] for part in zip(*blocks, strict=True)]
 
 
 @jax.jit
