@@ -154,7 +154,7 @@ def test_a_position_loop_is_a_mass_on_a_spring():
 
 
 def test_forces_that_nobody_knows_of_widen_the_intervals():
-    motion = motions(4.0)
+    motion = motions(2.5)
     calm, rough = (
         identify_machine(recording(measured[0], command[0], motion[0]))
         for measured, command in (
