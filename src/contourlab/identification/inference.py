@@ -34,11 +34,12 @@ squares, and (3) is as much too small. Where the residual is white or was made s
 
     s² = |v|² Σ_j (q_j · e)² / B                                                             (5)
 
-with q_j an orthonormal basis of the g_j less what they have of v. For a white normal e, s² has the
-mean |v|² σ² of (θ̂ - θ)², knows nothing of it, and (θ̂ - θ) / s is Student's t with B degrees of
-freedom *exactly*, whatever the motion. On a long record of a motion that repeats (5) is (3), and
-stands what (3) stands. Of filtered signals, whose noise grows steeply with frequency, (5) would be
-too wide (half as wide again, or three times): :func:`fit` keeps (3).
+with q_j an orthonormal basis of the g_j, which the residual of the fit tells as e does: M is
+a projection. For a white e, s² has the mean |v|² σ² of (θ̂ - θ)², whatever the motion. With z = y, v
+is orthogonal to every g_j, and for a normal e (θ̂ - θ) / s is Student's t with B degrees of freedom
+*exactly*; nearly so with instruments that are y but for noise. On a long record of a motion that
+repeats (5) is (3), and stands what (3) stands. Of filtered signals, whose noise grows steeply with
+frequency, (5) would be too wide (half as wide again, or three times): :func:`fit` keeps (3).
 
 A force that is white, or forgets itself sooner than the fastest of the cosines turns (2 n / B
 samples), is covered by the interval. An error of the *model* is not: it is a bias.
@@ -131,10 +132,8 @@ def corrected_covariance(
         g -= instruments @ (inverse.T @ (regressors.T @ g))  # (4)
         if project is not None:
             g = project(g)
-        size = v @ v
-        shared = v @ g / size
-        products.append((g.T @ g) / size - np.outer(shared, shared))
-        along.append(residual @ g - (residual @ v) * shared)
+        products.append((g.T @ g) / (v @ v))
+        along.append(residual @ g)
     values, vectors = np.linalg.eigh(products)
     degrees = max(1, int(np.sum(values > NOTHING, axis=1).min()))
     values, vectors = values[:, -degrees:], vectors[:, :, -degrees:]
