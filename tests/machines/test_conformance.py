@@ -78,8 +78,6 @@ MACHINES = {
 
 
 SLOW = {
-    # the derivatives of two masses with all that is rough take long to compile
-    "iron core": pytest.mark.slow,
     # two masses, rigid axes and a delay are in others too
     "machining centre, late": [pytest.mark.slow, pytest.mark.overnight],
     "linear motor, late": [pytest.mark.slow, pytest.mark.overnight],

@@ -57,8 +57,7 @@ def _middle(machine: Machine) -> Array:
 
 
 def _rest_command(machine: Machine, bound: BoundMachine) -> AxisVector:
-    position = jnp.asarray(_middle(machine))
-    return bound.dynamics.steady(position, jnp.zeros(machine.n_axes))[1]
+    return _rest(bound, jnp.asarray(_middle(machine)))[0]  # type: ignore[no-any-return]
 
 
 def _commands(machine: Machine, bound: BoundMachine) -> Record:
@@ -77,6 +76,19 @@ def _commands(machine: Machine, bound: BoundMachine) -> Record:
 def _run(bound: BoundMachine, position: Any, commands: Any, key: Any = KEY) -> tuple[Any, ...]:
     """Return true positions, measured ones and those of ideal encoders after each step."""
     return _steps(bound, jnp.asarray(position), jnp.asarray(commands), jnp.asarray(key))  # type: ignore[no-any-return]
+
+
+@jax.jit
+def _rest(bound: BoundMachine, position: Array) -> tuple[AxisVector, AxisVector, AxisVector]:
+    """Return the command of rest, and where the axes then are: shown and in truth."""
+    state = bound.init(position, KEY)
+    command = bound.dynamics.steady(position, jnp.zeros(bound.n_axes))[1]
+    return command, bound.shown_position(state), bound.true_position(state)
+
+
+@jax.jit
+def _compiled_init(bound: BoundMachine, position: Array) -> Any:
+    return bound.init(position, KEY)
 
 
 @jax.jit
@@ -101,7 +113,22 @@ def _check_nominal(machine: Machine) -> None:
 
 
 def _check_shapes(machine: Machine, bound: BoundMachine) -> None:
-    n_axes, position = machine.n_axes, _middle(machine)
+    position = jnp.asarray(_middle(machine))
+    # shapes and types are known when it is traced: nothing is compiled
+    jax.eval_shape(lambda position: _check_types(machine, bound, position), position)
+    _, shown, true = _rest(bound, position)
+    np.testing.assert_allclose(  # a realisation is solved for this position: rounding
+        shown, position, rtol=0, atol=1e-12, err_msg="init is elsewhere"
+    )
+    if machine.errors is None:
+        np.testing.assert_allclose(
+            true, position, rtol=0, atol=1e-12,
+            err_msg="without geometric errors the true position at rest is the one shown",
+        )  # fmt: skip
+
+
+def _check_types(machine: Machine, bound: BoundMachine, position: Any) -> None:
+    n_axes = machine.n_axes
     before = bound.init(position, KEY)
     after = bound.advance(before, jnp.zeros(n_axes), jnp.zeros(n_axes))
     old: Any = jax.tree.structure(before)
@@ -130,24 +157,21 @@ def _check_shapes(machine: Machine, bound: BoundMachine) -> None:
         assert tool.shape == (n_coordinates,), (
             f"tool_position must have shape ({n_coordinates},), got {tool.shape}"
         )
-    np.testing.assert_allclose(  # a realisation is solved for this position: rounding
-        bound.shown_position(before), position, rtol=0, atol=1e-12, err_msg="init is elsewhere"
-    )
-    if machine.errors is None:
-        np.testing.assert_allclose(
-            bound.true_position(before), position, rtol=0, atol=1e-12,
-            err_msg="without geometric errors the true position at rest is the one shown",
-        )  # fmt: skip
 
 
 def _check_pure(machine: Machine, bound: BoundMachine) -> None:
-    state = bound.init(_middle(machine), KEY)
+    state = _compiled_init(bound, _middle(machine))
     command, quiet = jnp.asarray(_commands(machine, bound)[0]), jnp.zeros(machine.n_axes)
     held = [np.array(leaf) for leaf in jax.tree.leaves((bound, state))]
-    once = jax.tree.leaves(bound.advance(state, command, quiet))
-    twice = jax.tree.leaves(bound.advance(state, command, quiet))
+
+    def traced_anew() -> Any:  # what Python remembers shows itself
+        return jax.jit(lambda bound, *given: bound.advance(*given))(bound, state, command, quiet)
+
+    once, twice = (jax.tree.leaves(traced_anew()) for _ in range(2))
     for a, b in zip(once, twice, strict=True):
         assert np.array_equal(a, b), "advance gives two answers to one input"
+    # with the machine's own arrays, which could be written to
+    jax.eval_shape(lambda: bound.advance(state, command, quiet))
     for leaf, kept in zip(jax.tree.leaves((bound, state)), held, strict=True):
         assert np.array_equal(leaf, kept), "advance changes what it is given"
 
@@ -155,7 +179,7 @@ def _check_pure(machine: Machine, bound: BoundMachine) -> None:
 def _check_rest(machine: Machine, bound: BoundMachine) -> None:
     position = _middle(machine)
     commands = np.broadcast_to(_rest_command(machine, bound), (N_STEPS, machine.n_axes))
-    start = np.asarray(bound.true_position(bound.init(position, KEY)))
+    start = np.asarray(_rest(bound, jnp.asarray(position))[2])
     there = np.asarray(_run(bound, position, commands)[0])
     drift = np.max(np.abs(there - start))
     assert drift < 1e-12, f"at rest, without a command, the axes drift by {drift:g} m"
@@ -225,8 +249,9 @@ def _check_delay(machine: Machine, sample_time: float) -> None:
     late = replace_at(machine, "drive.computing_delay", longer)
     commands = _commands(machine, machine.bind(sample_time))
     now = np.asarray(_run(machine.bind(sample_time), position, commands)[0])
-    start = np.asarray(late.bind(sample_time).true_position(late.init(position, KEY, sample_time)))
-    then = np.asarray(_run(late.bind(sample_time), position, commands)[0])
+    waits = late.bind(sample_time)
+    start = np.asarray(_rest(waits, jnp.asarray(position))[2])
+    then = np.asarray(_run(waits, position, commands)[0])
     scale = np.max(np.abs(now - start)) + 1e-9
     waiting = np.max(np.abs(then[:2] - start))
     assert waiting <= 1e-9 * scale, "a delay of two samples: the axes move before it is over"
@@ -263,7 +288,7 @@ def _check_encoder(machine: Machine, sample_time: float) -> None:
     def total(position: Any) -> Any:
         return jnp.sum(bound.measure(bound.init(position, KEY)).position)
 
-    slope = jax.grad(total)(jnp.asarray(_middle(machine)) + 0.3 * resolution)
+    slope = jax.jit(jax.grad(total))(jnp.asarray(_middle(machine)) + 0.3 * resolution)
     np.testing.assert_allclose(
         slope, np.ones(n_axes), rtol=0, atol=1e-9,
         err_msg="rounding must let the gradient through",

@@ -157,4 +157,9 @@ def sample_at(samples: Sample, k: int) -> Sample:
     k
         Which.
     """
-    return jax.tree.map(lambda x: jnp.asarray(x)[k], samples)  # type: ignore[no-any-return]
+
+    def row(x: Any) -> Any:
+        # picked by NumPy, and handed over as it is: no program is compiled for every shape
+        return x[k] if isinstance(x, jax.core.Tracer) else jax.device_put(np.asarray(x)[k])
+
+    return jax.tree.map(row, samples)  # type: ignore[no-any-return]
