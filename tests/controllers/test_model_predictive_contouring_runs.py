@@ -25,10 +25,10 @@ def test_it_beats_laws_that_follow_a_plan_in_both_time_and_error():
     assert len(rivals) == 3
     for name in ("mpcc", "mpcc, precise"):
         assert runs[name].status == "normal"
-        # 1.43 s and 0.3 µm rms here: of the length over the speed limit, 0.786 s, most of the rest
-        # is starting, stopping and turning under 20 V
+        # 1.44 s and 0.5 µm rms here: of the length over the speed limit, 0.786 s, most of the rest
+        # is starting, stopping and turning under 20 V, a tenth of the mass in reserve
         assert 1.3 < metrics[name]["cycle_time"] < 1.5
-        assert metrics[name]["contour_error_rms"] < 5e-7
+        assert metrics[name]["contour_error_rms"] < 7e-7
         for other in rivals.values():
             assert metrics[name]["cycle_time"] < 0.85 * other["cycle_time"]
             assert metrics[name]["contour_error_rms"] < 0.2 * other["contour_error_rms"]

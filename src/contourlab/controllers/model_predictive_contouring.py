@@ -25,6 +25,11 @@ contour error is limited as the plan sees it, to first order in its change, and 
 since at a corner what was across the path is along it; in space by an octagon across the path that
 lies within the circle and is a thirteenth less at its flats.
 
+**A mass that is more than the model's.** A plan of least time runs along the limit of the command;
+so that axes that weigh more can follow it, it keeps a reserve after its first stage, which follows
+from ``mass_uncertainty`` and is soft too
+(:mod:`~contourlab.controllers.model_predictive_contouring_reserve`).
+
 **When a solve fails** the law goes on with its last plan, and brakes where that ends. A measurement
 that is not finite is replaced by what the model predicts. After ``lost_samples`` of them in a row
 the law brakes to a stop on the path, on its model alone, and stays there. The status tells of all.
@@ -47,9 +52,10 @@ stopping condition and the observer are ours.
 from __future__ import annotations
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Float
 
-from contourlab.configuration import part, real, static
+from contourlab.configuration import is_concrete, part, real, replace, static
 from contourlab.contours.base import Contour
 from contourlab.controllers.axis_controller import (
     SHARED_AXES,
@@ -68,6 +74,7 @@ from contourlab.controllers.model_predictive_contouring_program import (
     Limits,
     command_ranges,
 )
+from contourlab.controllers.model_predictive_contouring_reserve import HELD_AND_MADE_UP
 from contourlab.controllers.model_predictive_contouring_speed import safe_speed, turn_in_length
 from contourlab.controllers.model_predictive_contouring_weights import natural_weights
 from contourlab.errors import RefusedError
@@ -110,6 +117,10 @@ class ModelPredictiveContouring(Controller):
     braking_share
         Share, above 0 to 1, of the deceleration by the command limit (and of the acceleration
         limit) that slowing down and stopping after the horizon may count on.
+    mass_uncertainty
+        δ, share of the model's mass that the axes may weigh more, >= 0, one number or one per axis:
+        a plan keeps the reserve of its commands that such a mass takes
+        (:mod:`~contourlab.controllers.model_predictive_contouring_reserve`); 0 keeps none.
     observe_disturbance
         Whether what the model does not know is found and planned for; without, the observer finds
         velocities alone.
@@ -152,6 +163,7 @@ class ModelPredictiveContouring(Controller):
     contour_error_limit: Scalar | None = real(unit="m", above=0.0, ndim=0, default=None)
     limit_penalty: Scalar = real(above=0.0, ndim=0, default=100.0)
     braking_share: Scalar = real(above=0.0, maximum=1.0, ndim=0, default=0.8)
+    mass_uncertainty: Float[Array, " ..."] = real(minimum=0.0, default=0.1)
     observe_disturbance: bool = static(flag=True, default=True)
     observer_bandwidth_hz: Float[Array, " ..."] | None = real(unit="Hz", above=0.0, default=None)
     friction_compensation: Float[Array, " ..."] = real(minimum=0.0, maximum=1.0, default=1.0)
@@ -215,8 +227,11 @@ class ModelPredictiveContouring(Controller):
         speed, time = jnp.asarray(self.speed_limit), jnp.asarray(sample_time)
         acceleration = optional("acceleration_limit")
         command = jnp.asarray(model.command_limit)
-        braking = command * model.gain / model.mass
+        more = HELD_AND_MADE_UP * each("mass_uncertainty")
+        nominal = command * model.gain / model.mass
+        braking = nominal / (1.0 + more)
         if acceleration is not None:
+            nominal = jnp.minimum(nominal, acceleration)
             braking = jnp.minimum(braking, acceleration)
         limits = Limits(
             command=command,
@@ -230,7 +245,7 @@ class ModelPredictiveContouring(Controller):
         )
         ranges = command_ranges(axes, limits)
         ample = jnp.min(ranges * axes.velocity_from_command) / time
-        natural = jnp.where(jnp.isfinite(jnp.min(braking)), jnp.min(braking), ample)
+        natural = jnp.where(jnp.isfinite(jnp.min(nominal)), jnp.min(nominal), ample)
         weights = natural_weights(
             speed, natural, ranges, time, contour=self.contour_weight, lag=self.lag_weight,
             reward=self.progress_reward, command_change=optional("command_change_weight"),
@@ -239,15 +254,20 @@ class ModelPredictiveContouring(Controller):
         path = progress_path(contour)
         turn_in = turn_in_length(speed, time, self.contour_error_limit)
         bandwidth, width = optional("observer_bandwidth_hz"), optional("friction_velocity")
+        bandwidth = 0.1 / time if bandwidth is None else bandwidth
         tolerance = self.arrival_tolerance
+        # what is known to be no reserve costs no rows
+        known = is_concrete(self.mass_uncertainty)
+        kept = not known or bool(np.any(np.asarray(self.mass_uncertainty) > 0.0))
+        heavy = held_axes(replace(model, mass=model.mass * (1.0 + more)), time) if kept else None
         return BoundModelPredictiveContouring(
             path=path,
             safe=safe_speed(path, limits.braking, turn_in),
-            observer=observer(
-                axes, 0.1 / time if bandwidth is None else bandwidth, time,
-                disturbance=self.observe_disturbance,
+            observer=observer(axes, bandwidth, time, disturbance=self.observe_disturbance),
+            heavy=None if heavy is None else observer(
+                heavy, bandwidth, time, disturbance=self.observe_disturbance
             ),
-            planner=ContouringProgram(axes, weights, limits, time, self.horizon),
+            planner=ContouringProgram(axes, weights, limits, time, self.horizon, heavy),
             friction=each("friction_compensation") * model.coulomb / model.gain,
             friction_velocity=jnp.full(n, 0.02 * speed) if width is None else width,
             arrival_tolerance=0.03 * speed * time if tolerance is None else tolerance,

@@ -56,6 +56,8 @@ class PredictiveState(NamedTuple):
     status: Count
     arrived: Count
     """1 if it stands at the end; int32."""
+    heavy: Observed | None
+    """As ``observed``, of the mass that a reserve is kept for; None if none is kept."""
 
 
 class BoundModelPredictiveContouring(BoundController):
@@ -64,6 +66,8 @@ class BoundModelPredictiveContouring(BoundController):
     path: ProgressPath = part()
     safe: SafeSpeed = part()
     observer: Observer = part()
+    heavy: Observer | None = part()
+    """Of the mass that a reserve of the command is kept for."""
     planner: ContouringProgram = part()
     friction: Float[Array, " ..."] = real(unit="command unit", ndim=1)
     """Command against Coulomb friction."""
@@ -111,6 +115,7 @@ class BoundModelPredictiveContouring(BoundController):
             Observed(position, zero, zero), start, jnp.asarray(end), jnp.asarray(end), inputs,
             jnp.zeros((big, n)), jnp.zeros(n + 1), jnp.zeros(shape), jnp.asarray(points.piece)[0],
             zero, whole, whole, whole, whole,
+            None if self.heavy is None else Observed(position, zero, zero),
         )  # fmt: skip
 
     def step(self, state: PredictiveState, sample: Sample) -> tuple[AxisVector, PredictiveState]:
@@ -125,6 +130,7 @@ class BoundModelPredictiveContouring(BoundController):
         """
         planner, n = self.planner, self.planner.n_axes
         now, plan, friction = self._before(state, sample)
+        heavy, reserved = self._heavy(state, sample, friction)
         lost, end = self._lost(state, sample)
         blind = lost >= self.lost_samples
         piece = state.piece
@@ -140,7 +146,7 @@ class BoundModelPredictiveContouring(BoundController):
             piece = jnp.asarray(points.piece)[0]
             here = jax.tree.map(lambda x: x[0], points) if here is None else here
             ahead = jax.tree.map(lambda x: x[1:], points)
-            program = planner.program(plan, ahead, state.applied, end, self.safe)
+            program = planner.program(plan, ahead, state.applied, end, self.safe, reserved)
             found = solve_program(
                 program, jnp.zeros((planner.n_stages, n + 1)), warm=multipliers,
                 max_iterations=self.max_iterations,
@@ -156,7 +162,7 @@ class BoundModelPredictiveContouring(BoundController):
         limit = planner.limits.command
         applied = plan.inputs[0].at[:n].set(jnp.clip(plan.inputs[0, :n], -limit, limit))
         # what the axes feel of friction is part of what is predicted, not of what is observed
-        felt = applied[:n] - friction
+        felt = applied[:n] - friction[0]
         error = here.position - now.position
         status = jnp.where(over, 1, 0)
         status = jnp.where(lost > 0, jnp.where(blind, 4, 2), status)
@@ -176,6 +182,7 @@ class BoundModelPredictiveContouring(BoundController):
             lost=lost,
             status=status,
             arrived=jnp.asarray(self._arrived(now, state), jnp.int32),
+            heavy=None if heavy is None or self.heavy is None else self.heavy.predict(heavy, felt),
         )
 
     def _lost(self, state: PredictiveState, sample: Sample) -> tuple[Count, Scalar]:
@@ -201,13 +208,14 @@ class BoundModelPredictiveContouring(BoundController):
         state, sample
             As for ``step``.
         """
-        _, plan, _ = self._before(state, sample)
+        _, plan, friction = self._before(state, sample)
+        _, reserved = self._heavy(state, sample, friction)
         points = self.path.points(plan.progress[1:], state.piece)
         _, end = self._lost(state, sample)
-        return self.planner.program(plan, points, state.applied, end, self.safe)
+        return self.planner.program(plan, points, state.applied, end, self.safe, reserved)
 
-    def _before(self, state: PredictiveState, sample: Sample) -> tuple[Observed, Plan, AxisVector]:
-        """Return what is believed now, what is left of the last plan, and the friction now."""
+    def _before(self, state: PredictiveState, sample: Sample) -> tuple[Observed, Plan, Array]:
+        """Return what is believed now, what is left of the last plan, and its friction."""
         measured = jnp.isfinite(sample.position)
         position = jnp.where(measured, sample.position, state.observed.position)
         now = self.observer.correct(state.observed, position)
@@ -215,7 +223,18 @@ class BoundModelPredictiveContouring(BoundController):
         plan = self.planner.roll_out(
             now.position, now.velocity, state.progress, state.inputs, now.disturbance - friction
         )
-        return now, plan, friction[0]
+        return now, plan, friction
+
+    def _heavy(
+        self, state: PredictiveState, sample: Sample, friction: Array
+    ) -> tuple[Observed | None, Array | None]:
+        """Return what is believed of heavy axes, and what disturbs them along the plan."""
+        if self.heavy is None or state.heavy is None:
+            return None, None
+        measured = jnp.isfinite(sample.position)
+        position = jnp.where(measured, sample.position, state.heavy.position)
+        heavy = self.heavy.correct(state.heavy, position)
+        return heavy, heavy.disturbance - friction
 
     def _tail(self, plan: Plan, good: Flag) -> Array:
         """Return the input after the plan: the last again, or braking if there is no solution."""

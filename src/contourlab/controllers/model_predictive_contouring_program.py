@@ -25,6 +25,10 @@ from jaxtyping import Float
 
 from contourlab.controllers.held_model import HeldAxes
 from contourlab.controllers.model_predictive_contouring_path import PathPoint, tangent_normals
+from contourlab.controllers.model_predictive_contouring_reserve import (
+    reserve_commands,
+    reserve_rows,
+)
 from contourlab.controllers.model_predictive_contouring_speed import SafeSpeed
 from contourlab.controllers.quadratic_program_stages import Dynamics, Rows, StagedProgram
 from contourlab.typing import Array, AxisVector, Flag, Scalar
@@ -154,6 +158,8 @@ class ContouringProgram(eqx.Module):
     limits: Limits
     sample_time: Scalar
     n_stages: int = eqx.field(static=True)
+    heavy: HeldAxes | None = None
+    """The axes of the mass that a reserve of the command is kept for; None keeps none."""
 
     @property
     def n_axes(self) -> int:
@@ -205,7 +211,7 @@ class ContouringProgram(eqx.Module):
 
     def program(
         self, plan: Plan, path: PathPoint, before: Array, end: Scalar,
-        safe: SafeSpeed | None = None,
+        safe: SafeSpeed | None = None, disturbance: Array | None = None,
     ) -> StagedProgram:  # fmt: skip
         """Return the program around a plan.
 
@@ -221,6 +227,9 @@ class ContouringProgram(eqx.Module):
             Progress at which to stop [m].
         safe
             How fast the axes may be; any speed if not given.
+        disturbance
+            Of the heavy axes, in units of the command, shape (n_stages, n_axes); none if not
+            given.
         """
         hessians, gradients = jax.vmap(self._errors)(plan.positions[1:], path)
         change, slopes = self._changes(plan.inputs, before)
@@ -232,7 +241,7 @@ class ContouringProgram(eqx.Module):
             stage_gradient=slopes, dynamics=self._dynamics(),
             start=jnp.zeros(3 * self.n_axes + 2),
             lower=(bottom - plan.inputs) / scale, upper=(top - plan.inputs) / scale,
-            rows=self._rows(plan, path, before, end, safe),
+            rows=self._rows(plan, path, before, end, safe, disturbance),
         )  # fmt: skip
 
     def moved(self, plan: Plan, states: Array, inputs: Array) -> Plan:
@@ -337,8 +346,9 @@ class ContouringProgram(eqx.Module):
         return difference.T @ (r[:, None] * difference), slopes.at[:, -1].add(-1.0)
 
     def _rows(
-        self, plan: Plan, path: PathPoint, before: Array, end: Scalar, safe: SafeSpeed | None
-    ) -> tuple[Rows, ...]:
+        self, plan: Plan, path: PathPoint, before: Array, end: Scalar, safe: SafeSpeed | None,
+        disturbance: Array | None,
+    ) -> tuple[Rows, ...]:  # fmt: skip
         """Return the rows of deviations, with what is left to their limits."""
         n, limits = self.n_axes, self.limits
         n_x = 3 * n + 2
@@ -364,11 +374,24 @@ class ContouringProgram(eqx.Module):
             ratio = limits.speed / limits.velocity
             rows = ratio[:, None] * jnp.eye(2 * n)[n:]
             add("state", rows, plan.velocities[1:] / limits.velocity, both=True, soft=True)
+        following = dynamics.back(jnp.eye(n_x))[:, n : 2 * n].T
         if limits.acceleration is not None:
             most = limits.acceleration * self.sample_time
-            following = dynamics.back(jnp.eye(n_x))[:, n : 2 * n].T
             rows = (limits.speed / most)[:, None] * (following - pick[n : 2 * n])
             add("stage", rows, jnp.diff(plan.velocities, axis=0) / most, both=True, soft=True)
+        if self.heavy is not None:
+            command = reserve_commands(
+                self.heavy, plan.positions, plan.velocities,
+                jnp.zeros(n) if disturbance is None else disturbance,
+            )  # fmt: skip
+            rows = reserve_rows(
+                self.heavy, limits.speed * following, length * pick[:n],
+                limits.speed * pick[n : 2 * n], limits.command,
+            )  # fmt: skip
+            ahead = (jnp.arange(self.n_stages) > 0)[:, None]  # what is applied may use the limit
+            rows = jnp.where(ahead[:, :, None], rows, 0.0)
+            used = jnp.where(ahead, command / limits.command, 0.0)
+            add("stage", rows, used, both=True, soft=True)
         if limits.contour_error is not None:
             add("state", *self._tube(plan, path), both=True, soft=True)
         # every stage is before the last
