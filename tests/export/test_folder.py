@@ -1,5 +1,6 @@
 """The folder of an export: its files, its replay, what is refused, from Python and the shell."""
 
+import dataclasses
 import json
 import subprocess
 from pathlib import Path
@@ -11,6 +12,7 @@ import contourlab as cl
 from contourlab.cli.main import app
 from contourlab.errors import ConfigurationError, ExportError, OutputError, ScenarioError
 from contourlab.export import find_compiler
+from contourlab.export.stack import array_bytes, says_stack, stack_bytes
 from contourlab.scenarios import read_scenario
 
 from .loops import loop
@@ -143,6 +145,13 @@ def test_it_replays_what_was_recorded(exported, tmp_path):
     wrong.write_text("\n".join([*rows[:9], ",".join(first), *rows[10:]]) + "\n")
     replay = [exported.output / "push_replay", wrong]
     assert subprocess.run(replay, check=False, capture_output=True).returncode == 1
+    first[place] = rows[9].split(",")[place]
+    place = names.index("contour_error_estimate[1]")
+    first[place] = "nan"
+    wrong.write_text("\n".join([*rows[:9], ",".join(first), *rows[10:]]) + "\n")
+    done = subprocess.run(replay, check=False, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert "contour_error_estimate: inf of its peak" in done.stdout
     wrong.write_text("\n".join(rows[:-3]) + "\n")
     assert subprocess.run(replay, check=False, capture_output=True).returncode == 2
     subprocess.run(["make", "-C", exported.output, "clean"], check=True, capture_output=True)
@@ -155,6 +164,58 @@ def test_the_manifest_says_what_is_there(exported):
     assert said["parameters"][0]["unit"] == "V/m"
     assert said["operations"] == exported.generated.operations > 10
     assert said["sample_time"] == 1e-3
+    if find_compiler() is not None:
+        assert [one["name"] for one in said["parity"]["telemetry"]] == ["contour_error_estimate"]
+        assert said["parity"]["telemetry"][0]["holds"]
+        assert 0.0 < said["parity"]["telemetry"][0]["peak"] < 0.03
+
+
+def test_telemetry_that_is_not_jax_s_is_told(exported):
+    parity = exported.parity
+    if parity is None:
+        pytest.skip("no C compiler is installed")
+    (one,) = parity.telemetry
+    off = dataclasses.replace(one, difference=2.0 * one.bound.relative * one.peak)
+    worse = dataclasses.replace(exported, parity=dataclasses.replace(parity, telemetry=(off,)))
+    assert parity.holds
+    assert not worse.parity.holds
+    (warning,) = worse.warnings
+    assert warning.startswith("contour_error_estimate of the exported law differs from JAX")
+
+
+ARRAYS = """
+void law_step(const law_parameters *parameters)
+{
+    law_real a0[40];
+    int32_t i1[3] = {0};
+    const law_real v2 = parameters->a[7];
+    for (int32_t k = 0; k < 2; ++k) {
+        law_real a3[5];
+        bool b4[2];
+    }
+}
+"""
+
+
+def test_the_stack_is_said(exported, tmp_path):
+    compiler = find_compiler()
+    if compiler is not None and says_stack(compiler):
+        said = json.loads((exported.output / "export.json").read_text())
+        assert 0 < said["stack_bytes"] < 1000
+        text = (exported.output / "README.md").read_text()
+        assert f"| stack of a call | {said['stack_bytes']} bytes at the most" in text
+    law = dataclasses.replace(exported.generated, prefix="law", source=ARRAYS)
+    assert array_bytes(law) == 8 * 40 + 4 * 3 + 8 * 5 + 2
+    assert array_bytes(dataclasses.replace(law, precision="single")) == 4 * 45 + 4 * 3 + 2
+    assert stack_bytes(law, tmp_path) is None
+    usage = tmp_path / "law.so-law.su"
+    usage.write_text(
+        "law.c:1:6:law_init\t700\tstatic\nlaw.c:2:6:law_step\t900\tstatic\n"
+        "law.c:3:6:law_helper\t16\tdynamic,bounded\n"
+    )
+    assert stack_bytes(law, tmp_path) == 916
+    usage.write_text(usage.read_text() + "law.c:3:6:law_other\t16\tdynamic\n")
+    assert stack_bytes(law, tmp_path) is None  # as much as it likes
 
 
 def test_readme_speaks_of_this_export(exported):

@@ -74,6 +74,7 @@ def test_parity(name, made, tmp_path):
     assert found.peak > 0.0
     assert found.steps > 200
     assert found.flipped == ()
+    assert [one.name for one in found.telemetry if not one.holds] == []
     # a looser bound only where one rounding of the inputs moves the command by as much
     assert found.relative <= (found.bound.relative if name in LOOSER else 1e-12)
     assert found.bound.relative <= 1e-9

@@ -20,6 +20,7 @@ from contourlab.export.folder import MANIFEST, SCHEMA
 from contourlab.export.generate import GeneratedC
 from contourlab.export.golden import RecordedLoop
 from contourlab.export.parity import Parity, unmeasured_bound
+from contourlab.export.stack import array_bytes
 
 __all__ = ["GOLDEN", "write_c", "write_golden", "write_manifest"]
 
@@ -55,6 +56,9 @@ def write_c(
         "flags": " ".join(FLAGS), "strict": STRICT, "sanitizers": SANITIZERS,
         "state_bytes": size_of(generated, generated.state),
         "parameter_bytes": size_of(generated, generated.parameters),
+        "bounds": _bounds(generated, parity),
+        "outputs": {one.name: one for one in generated.outputs},
+        "array_bytes": array_bytes(generated),
         "n_axes": next(f.size for f in generated.outputs if f.name == "command"),
     }  # fmt: skip
     environment = jinja2.Environment(
@@ -73,6 +77,16 @@ def write_c(
     files += [GOLDEN, MANIFEST]
     write_manifest(generated, folder, "c", files, parity)
     return files
+
+
+def _bounds(generated: GeneratedC, parity: Parity | None) -> dict[str, float]:
+    """Return the bound of every real output, the command first."""
+    names = [one.name for one in generated.outputs if one.dtype != "int32"]
+    names.sort(key=lambda name: name != "command")
+    if parity is None:
+        return dict.fromkeys(names, unmeasured_bound(generated).relative)
+    known = {one.name: one.bound.relative for one in parity.telemetry}
+    return {name: known.get(name, parity.bound.relative) for name in names}
 
 
 def size_of(generated: GeneratedC, fields: tuple[Field, ...]) -> int:
@@ -163,6 +177,8 @@ def write_manifest(
         "operations_once": generated.operations_once,
         "statuses": list(generated.statuses), "files": sorted(files),
         "state_bytes": size_of(generated, generated.state),
+        "stack_bytes": None if parity is None else parity.stack,
+        "array_bytes": array_bytes(generated),
         "parameters": described(generated.parameters), "state": described(generated.state),
         "inputs": described(generated.inputs), "outputs": described(generated.outputs),
         "parity_bound": {"relative": bound.relative, "reason": bound.reason},
@@ -183,6 +199,12 @@ def parity_json(parity: Parity) -> dict[str, Any]:
         "relative": parity.relative, "difference": parity.difference, "peak": parity.peak,
         "steps": parity.steps, "bound": parity.bound.relative, "reason": parity.bound.reason,
         "holds": parity.holds,
+        "telemetry": [
+            {"name": one.name, "relative": one.relative, "difference": one.difference,
+             "peak": one.peak, "bound": one.bound.relative, "reason": one.bound.reason,
+             "holds": one.holds}
+            for one in parity.telemetry
+        ],
         "flipped": [
             {"step": k, "output": name, "expected": a, "exported": b}
             for k, name, a, b in parity.flipped

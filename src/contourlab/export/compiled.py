@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from contourlab.errors import ExportError
 from contourlab.export.fields import Field
 from contourlab.export.generate import GeneratedC
+from contourlab.export.stack import stack_bytes
 from contourlab.recordings.sample import Sample
 
 __all__ = ["FLAGS", "CompiledController", "compile_c", "find_compiler", "write_sources"]
@@ -80,7 +81,7 @@ def compile_c(
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         raise ExportError(f"the C compiler refused the exported law: {done.stderr.strip()}")
-    return CompiledController(generated, library)
+    return CompiledController(generated, library, stack_bytes(generated, folder))
 
 
 def _structure(fields: Sequence[Field], real: Any) -> Any:
@@ -104,10 +105,15 @@ class CompiledController:
         The law.
     library
         Made from it.
+    stack
+        What a call takes of the stack, if the compiler said so [bytes].
     """
 
-    def __init__(self, generated: GeneratedC, library: str | Path) -> None:
+    def __init__(
+        self, generated: GeneratedC, library: str | Path, stack: int | None = None
+    ) -> None:  # fmt: skip
         self.generated = generated
+        self.stack = stack
         self.library = ctypes.CDLL(str(library))
         real = ctypes.c_float if generated.precision == "single" else ctypes.c_double
         self.parameters = _structure(generated.parameters, real)()

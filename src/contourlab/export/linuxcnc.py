@@ -23,6 +23,7 @@ from contourlab.export.generate import GeneratedC
 from contourlab.export.hal_items import gain_items, telemetry_items
 from contourlab.export.law_facts import LawFacts
 from contourlab.export.linuxcnc_inputs import law_inputs
+from contourlab.export.stack import array_bytes
 from contourlab.export.templating import render
 from contourlab.simulation.result import COMMAND_UNITS
 
@@ -174,6 +175,7 @@ def template_values(
         "sample_time_ms": f"{generated.sample_time * 1e3:g}",
         "precision": generated.precision,
         "operations": generated.operations,
+        "array_bytes": array_bytes(generated),
         "delay": inputs.delay,
         "delay_ms": f"{inputs.delay * generated.sample_time * 1e3:g}",
         "geometry": inputs.order >= 0,
