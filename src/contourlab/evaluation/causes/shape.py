@@ -118,8 +118,10 @@ class _Search:
         def residual(x: Values) -> Values:
             groups = self.groups(kind, x, self.side, self.lost)
             found, _ = solve(groups, self.target, self.rows)
-            made = sum(groups[name][self.rows] @ found[name] for name in groups)
-            return (self.target[self.rows] - made) / scale
+            left: Values = self.target[self.rows] / scale
+            for name in groups:
+                left -= groups[name][self.rows] @ found[name] / scale
+            return left
 
         answer = least_squares(residual, start, bounds=(low, high), diff_step=1e-3, xtol=1e-3,
                                ftol=1e-4, max_nfev=20)  # fmt: skip
@@ -156,7 +158,7 @@ class _Search:
             self.play = 2.0 * max(float(found["sides"][0]), 0.0)
         kept = (np.inf, self.how, self.before, self.side, self.lost)
         for how in hows:
-            slid = np.zeros_like(self.side)
+            slid: Values | None = np.zeros_like(self.side)
             if not how.none:
                 slid = slide(stage, self.free, d, self.two(found["peaks"]), how)
             side = self.side if slid is None else slid
@@ -192,7 +194,7 @@ class _Search:
     def best_of(self, kinds: tuple[list[Sliding], ...]) -> float:
         """Try each kind of friction with poles of its own, keep the best; return what it leaves."""
         start = (self.poles, self.how, self.before, self.side, self.lost)
-        best, kept = np.inf, start
+        best, kept = self.left(self.kind, self.poles), start
         for hows in kinds:
             self.poles, self.how, self.before, self.side, self.lost = start
             self.move(hows, (self.before,), anyway=True)
