@@ -83,6 +83,13 @@ def test_text_columns_that_are_not_wanted_do_no_harm(tmp_path):
     np.testing.assert_allclose(read(tmp_path, text).actual, ACT * 1e-3, rtol=0, atol=1e-15)
 
 
+def test_a_delimiter_in_quotes_or_a_remark_makes_no_field(tmp_path):
+    rows = table().splitlines()
+    rows = [f'{row},"as planned, nearly"' if k else f"{row},note" for k, row in enumerate(rows)]
+    rows[7] += "  # chips, many"
+    np.testing.assert_allclose(read(tmp_path, "\n".join(rows)).actual, 1e-3 * ACT, atol=1e-12)
+
+
 def test_halsampler(tmp_path):
     rows = [f"{k} " + " ".join(f"{v:.6f}" for v in (*s, *a)) + " "
             for k, (s, a) in enumerate(zip(SET, ACT, strict=True), 100)]  # fmt: skip
@@ -204,6 +211,7 @@ BACKWARDS = "\n".join([*table().splitlines()[:30], *table().splitlines()[5:]])
         (table(), {"time": "xa"}, "cannot be the time and a position too"),
         (mend(table(), 13, "0.011", "0.0l1"), {}, "log.csv:13: column 't' is '0.0l1000', not a"),
         (mend(table(";", ","), 13, "0,011", "0.0,1"), {}, "log.csv:13: column 't' is '0.0,1000'"),
+        (mend(table(), 13, "0.011", "0,011"), {}, "log.csv:13: has 6 fields, the table has 5 col"),
         (BACKWARDS, {}, "time runs backwards"),
         (table(rows=[(0.0, SET[0], ACT[0])]), {}, "1 sample is left"),
         (table(rows=[(k, SET[0], ACT[0]) for k in range(9)]), {}, "nothing moves"),

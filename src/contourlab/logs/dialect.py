@@ -6,6 +6,8 @@ of it numbers. What is in front of the table (a preamble of a data logger) is pa
 
 from __future__ import annotations
 
+import contextlib
+import csv
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -84,6 +86,10 @@ def split_fields(line: str, delimiter: str) -> list[str]:
     """
     if delimiter == " ":
         return [_bare(field) for field in line.split()]
+    if '"' in line:  # a field may hold the delimiter
+        with contextlib.suppress(csv.Error):
+            fields = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+            return [_bare(field) for field in fields]
     return [_bare(field) for field in line.split(delimiter)]
 
 

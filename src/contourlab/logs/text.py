@@ -184,6 +184,7 @@ def _read(
         "chunksize": CHUNK, "comment": None if comment == "" or sign == dialect.delimiter else sign,
         "low_memory": False, "skipinitialspace": True,
     }  # fmt: skip
+    _refuse_long_rows(name, encoding, dialect, first, options["comment"])
     chunks: list[Values] = []
     lost: list[int] = []
     n_rows = 0
@@ -313,6 +314,23 @@ def _wrong_text(
                 shown = field if len(field) <= _SHOWN else f"{field[:_SHOWN]}..."
                 return LogError(f"{name}:{number}: column {title!r} is {shown!r}, not a number")
     return LogError(f"{name}: a column holds something that is not a number")
+
+
+def _refuse_long_rows(
+    name: str, encoding: str, dialect: Dialect, first: int, sign: str | None
+) -> None:
+    """Raise LogError at a line with more fields than the table has columns: it would be shifted."""
+    most = dialect.width + dialect.trailing
+    blanks = dialect.delimiter == " "
+    for number, line in _rows(name, encoding, first, sign):
+        count = len(line.split()) if blanks else line.count(dialect.delimiter) + 1
+        if count <= most:
+            continue
+        fields = split_fields(line.partition(sign)[0] if sign else line, dialect.delimiter)
+        if any(fields[most:]):
+            raise LogError(
+                f"{name}:{number}: has {len(fields)} fields, the table has {dialect.width} columns"
+            )
 
 
 def _labelled(name: str, encoding: str, sample_time: float | None, lines: Sequence[str]) -> Source:
