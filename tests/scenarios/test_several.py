@@ -333,6 +333,9 @@ def test_what_varies_of_a_refused_law_is_left_out(read):
     text = changed("[simulation]", f"{TASK_FRAME}\n[simulation]")
     vary = '\n[vary]\nsamples = 2\n"controller.frame.bandwidth_hz" = { relative = 0.1 }\n'
     assert read(text + vary).variation is None
+    assert any(
+        "left out, as no law that runs has it" in said for _, said in read(text + vary).notes
+    )
     mass = '"machine.mass" = { relative = 0.1 }\n'
     assert list(read(text + vary + mass).variation.changes) == ["machine.mass"]
 

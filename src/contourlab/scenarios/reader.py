@@ -29,7 +29,7 @@ from contourlab.scenarios.refusal import dotted, refuse
 from contourlab.scenarios.scenario import Scenario, Setup
 from contourlab.scenarios.schema import MachineSection, PartSection, ScenarioSections
 from contourlab.scenarios.values import KeyedError, KeyedRefusedError
-from contourlab.scenarios.vary import build_variation
+from contourlab.scenarios.vary import build_variation, left_out
 from contourlab.simulation.checks import as_reference, why_refused
 from contourlab.simulation.pairing import ONLY, Loop
 
@@ -220,7 +220,10 @@ def _build(
         variation=build_variation(sections.vary, loops, seed, labels, list(controllers))
         if sections.vary else None,
         corner_radius=sections.report.corner_radius,
-        notes=(*restriction_notes(sections.part, part), *_limit_notes(sections)),
+        notes=(
+            *restriction_notes(sections.part, part), *_limit_notes(sections),
+            *(left_out(sections.vary, loops, labels, list(controllers)) if sections.vary else ()),
+        ),
         common=sections.feed.limits != "own", engine=sections.simulation.engine,
         names=tuple(controllers),
     )  # fmt: skip

@@ -14,7 +14,7 @@ from contourlab.simulation.draws import own_path as without_name
 from contourlab.simulation.pairing import Loop
 from contourlab.simulation.spread import check_variable
 
-__all__ = ["build_variation"]
+__all__ = ["build_variation", "left_out"]
 
 NOISE_SEED = "simulation.seed"
 """What the seed of the noise is called here; ``seed`` itself is that of the draws."""
@@ -80,6 +80,25 @@ def build_variation(
         for loop in loops:
             _check(variation, loop, machines, controllers, seed)
     return variation
+
+
+def left_out(
+    section: VarySection, loops: Sequence[Loop], machines: list[str], controllers: list[str]
+) -> tuple[tuple[str, str], ...]:
+    """Return a note of what cannot vary because only laws that were refused have it.
+
+    Parameters
+    ----------
+    section, loops, machines, controllers
+        As for :func:`build_variation`.
+    """
+    paths = [
+        written for written, _ in _entries(section.model_extra or {}, ())
+        if not _varies("seed" if written == NOISE_SEED else written, loops, machines, controllers)
+    ]  # fmt: skip
+    if not paths:
+        return ()
+    return (("vary", f"{', '.join(paths)}: left out, as no law that runs has it"),)
 
 
 def _check(
