@@ -253,6 +253,40 @@ def test_rotary_axes_are_tracked_beside_the_contour_error(tmp_path):
         turning(tmp_path, "x_set_mm,c_set_deg,x_act_mm,c_act_deg", [x, c, x, late])
 
 
+def test_rotary_axes_at_rest_in_rad_or_with_gaps(tmp_path):
+    t = np.arange(2000) * DT
+    x, y = 30.0 * np.cos(2.0 * t), 30.0 * np.sin(2.0 * t)
+    parked = turning(tmp_path, "x_set,y_set,a_set,x_act,y_act,a_act",
+                     [x, y, 0 * t, x, y + 0.002, 0 * t], unit="mm")  # fmt: skip
+    assert parked.rotary == ()
+    assert any("A: rotary, and at rest" in text for text in parked.warnings)
+    b = np.sin(3.0 * t)
+    late = np.sin(3.0 * (t - 0.004))
+    late[::5] = np.nan
+    mixed = turning(tmp_path, "x_set_mm,y_set_mm,a_set,b_set_rad,x_act_mm,y_act_mm,a_act,b_act_rad",
+                    [x, y, b, b, x, y + 0.002, b, late])  # fmt: skip
+    np.testing.assert_allclose(mixed.rotary[1].max, 3.0 * 0.004, rtol=1e-3)
+    assert any(text.startswith("A and B: 400 of 2000 samples") for text in mixed.warnings)
+    assert any("a_set, a_act state no unit: taken for rad" in text for text in mixed.warnings)
+    # columns that are guessed take the rotary ones along, and a guessed unit is shown as such
+    found = cl.evaluate(tmp_path / "log.csv", circular=False)
+    assert [axis.axis for axis in found.rotary] == ["A", "B"]
+    with pytest.raises(LogError, match="is in rad, but unit is 'deg'"):
+        turning(tmp_path, "a_set_rad,a_act_rad", [b, b], unit="deg")
+    with pytest.raises(LogError, match="taken for deg by the letters A, B, C"):
+        turning(tmp_path, "a_set,b_set,a_act,b_act", [b, b, b, 1.01 * b])
+
+
+def test_there_and_back_at_one_speed_tells_no_lag(tmp_path):
+    t = np.arange(4000) * DT
+    c = 20.0 * np.abs(np.mod(t, 2.0) - 1.0)
+    late = np.interp(t - 0.004, t, c)
+    x, y = 30.0 * np.cos(2.0 * t), 30.0 * np.sin(2.0 * t)
+    found = turning(tmp_path, "x_set_mm,y_set_mm,c_set_deg,x_act_mm,y_act_mm,c_act_deg",
+                    [x, y, c, x, y + 0.002, late])  # fmt: skip
+    assert np.isnan(found.rotary[0].lag)
+
+
 def test_three_axes(tmp_path):
     t = np.linspace(0, 10, 3000)
     helix = np.column_stack([0.02 * np.cos(t), 0.02 * np.sin(t), 0.001 * t])

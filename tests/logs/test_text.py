@@ -88,6 +88,9 @@ def test_a_delimiter_in_quotes_or_a_remark_makes_no_field(tmp_path):
     rows = [f'{row},"as planned, nearly"' if k else f"{row},note" for k, row in enumerate(rows)]
     rows[7] += "  # chips, many"
     np.testing.assert_allclose(read(tmp_path, "\n".join(rows)).actual, 1e-3 * ACT, atol=1e-12)
+    blanks = "\n".join(f'{row} "as planned"' for row in table(" ", head="").splitlines())
+    found = read(tmp_path, blanks, **BY_NUMBER)
+    np.testing.assert_allclose(found.actual, 1e-3 * ACT, atol=1e-12)
 
 
 def test_halsampler(tmp_path):

@@ -61,6 +61,9 @@ def log_recording(
             raise RecordingError(f"{file}: the log has no time: give --sample-time or --time")
         recording = log.recording()
         warnings = log.warnings
+        if log.rotary is not None:
+            beside = " and ".join(log.rotary.axes)
+            warnings = (*warnings, f"{beside}: rotary, not identified here: name its columns alone")
         if told is not None:
             what = f"the command is taken from {', '.join(told)}, by names and units"
             warnings = (what, *warnings)
@@ -70,6 +73,7 @@ def log_recording(
             + ("" if use.column_stated and use.unit_stated else ", guessed")
             + (", guessed" if use.role == "command" and told is not None else "")
             for use in log.columns
+            if use.axis in ("", *log.axes)
         ]
         notes = (*log.notes, *used)
         if log.dimension == "angle":

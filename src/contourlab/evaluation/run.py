@@ -24,7 +24,7 @@ from contourlab.evaluation.part_of import read_part
 from contourlab.evaluation.resolution import Resolution, find_resolution
 from contourlab.evaluation.result import Evaluation, WorstPoint
 from contourlab.evaluation.stretches import Breaks, find_breaks, stretches
-from contourlab.evaluation.tracking import shown, track_axes
+from contourlab.evaluation.tracking import track_axes
 from contourlab.logs.log import Log
 from contourlab.logs.netcdf import of_recording
 from contourlab.logs.read import read_log
@@ -115,13 +115,18 @@ def evaluate(
             "more"
         )
     rotary = track_axes(read.rotary) if read.rotary is not None else ()
+    beside = [
+        f"{' and '.join(read.rotary.axes)}: rotary, so tracked by itself and in no contour error; "
+        "where it moves, that of the other axes is not the tool's on the part, which takes the "
+        "kinematic chain"
+    ] if read.rotary is not None else []  # fmt: skip
     if read.dimension != "length":
         raise LogError(_angles(read))
     if not 2 <= read.n_axes <= 3:
         raise LogError(
             f"{read.source}: a contour error takes 2 or 3 axes, got {read.n_axes} "
             f"({', '.join(read.axes)}): name their columns with commanded and actual"
-            + "".join(f"; {one.axis} is rotary: {shown(one)}" for one in rotary)
+            + "".join(f"; {one.axis} is rotary: {one.in_words()}" for one in rotary)
         )
     pitches = _pitches(pitch, read.n_axes)
     if contour is None and read.commanded is None:
@@ -180,7 +185,8 @@ def evaluate(
         "position measured on": measured or "not stated",
     }
     return Evaluation(
-        log=read, recording=recording, metrics=metrics, warnings=tuple(dict.fromkeys(warnings)),
+        log=read, recording=recording, metrics=metrics,
+        warnings=tuple(dict.fromkeys([*warnings, *beside])),
         causes=causes, worst=_worst(read, judged, good, resolution, causes, part),
         resolution=resolution, circular=test, part=part, alignment=alignment, judged=good,
         piece=judged.piece, foot=judged.foot, options=options, rotary=rotary,
@@ -193,7 +199,9 @@ def _angles(read: Log) -> str:
         f"{read.source}: a contour error is a length at the tool, and the positions are angles: "
         "that takes the kinematic chain, which is not in a log"
     )
-    axes = "; ".join(f"{one.axis}: {shown(one)}" for one in track_axes(read))
+    if any(use.role == "actual" and not use.unit_stated for use in read.columns):
+        said += " (taken for deg by the letters A, B, C: state unit if they are lengths)"
+    axes = "; ".join(f"{one.axis}: {one.in_words()}" for one in track_axes(read))
     return f"{said}. How the axes follow, each in its own unit: {axes}" if axes else said
 
 

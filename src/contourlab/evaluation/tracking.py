@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 from contourlab.evaluation.stretches import find_breaks, stretches
 from contourlab.logs.log import Log
 
-__all__ = ["AxisTracking", "shown", "track_axes"]
+__all__ = ["AxisTracking", "track_axes"]
 
 LEAST = 20
 """Samples in motion from which (1) is fitted."""
 VARIED = 0.1
-"""A speed that differs by less than this share of its largest does not tell T from a."""
+"""A speed of which a and c cannot make up less than this share does not tell T."""
 TOLD = 0.5
 """Share of the error's spread that (1) must explain for its T to be a lag."""
 
@@ -54,6 +54,15 @@ class AxisTracking:
             "axis": self.axis, "rms": self.rms, "max": self.max, "half_width": self.half_width,
             "lag": self.lag if np.isfinite(self.lag) else None, "unit": self.unit,
         }  # fmt: skip
+
+    def in_words(self) -> str:
+        """Return what the axis does in words, in its own unit."""
+        size = np.pi / 180.0 if self.unit == "deg" else 1.0
+        said = f"{self.rms / size:.4g} {self.unit} rms, {self.max / size:.4g} {self.unit} at most"
+        if self.half_width > 0.0:
+            said += f" (± {self.half_width / size:.2g} by the grid)"
+        lag = f"lag {1e3 * self.lag:.4g} ms" if np.isfinite(self.lag) else "its lag is not told"
+        return f"{said}, {lag}"
 
 
 def track_axes(log: Log) -> tuple[AxisTracking, ...]:
@@ -95,7 +104,9 @@ def _lag(commanded: Values, error: Values, log: Log, parts: list[slice]) -> floa
         return float("nan")
     v, e = speed[moves], error[moves]
     columns = [np.ones_like(v), v] + ([np.sign(v)] if np.ptp(np.sign(v)) else [])
-    if np.ptp(np.abs(v)) < VARIED * np.abs(v).max() and len(columns) == 2:
+    others = np.column_stack([columns[0], *columns[2:]])
+    own = v - others @ np.linalg.lstsq(others, v, rcond=None)[0]
+    if np.linalg.norm(own) < VARIED * np.linalg.norm(v):
         return float("nan")
     matrix = np.column_stack(columns)
     solution = np.linalg.lstsq(matrix, e, rcond=None)[0]
@@ -103,19 +114,3 @@ def _lag(commanded: Values, error: Values, log: Log, parts: list[slice]) -> floa
     if float(np.sum(left**2)) > (1.0 - TOLD) * float(np.sum((e - e.mean()) ** 2)):
         return float("nan")
     return float(solution[1])
-
-
-def shown(one: AxisTracking) -> str:
-    """Return what an axis does in words, in its own unit.
-
-    Parameters
-    ----------
-    one
-        The axis.
-    """
-    size = np.pi / 180.0 if one.unit == "deg" else 1.0
-    said = f"{one.rms / size:.4g} {one.unit} rms, {one.max / size:.4g} {one.unit} at most"
-    if one.half_width > 0.0:
-        said += f" (± {one.half_width / size:.2g} by the grid)"
-    lag = f"lag {1e3 * one.lag:.4g} ms" if np.isfinite(one.lag) else "its lag is not told"
-    return f"{said}, {lag}"

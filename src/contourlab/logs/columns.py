@@ -236,7 +236,9 @@ def _guessed(
             f"{source.name}: which columns are the positions cannot be guessed: name them with "
             f"commanded and actual; {choices('', source.names)}"
         )
-    return {role: Choice(tuple(table[axis][0] for axis in linear), False)
+    rotary = [axis for axis in both if axis in "ABC"
+              and all(len(table[axis]) == 1 for table in tables.values())]  # fmt: skip
+    return {role: Choice(tuple(table[axis][0] for axis in [*linear, *rotary]), False)
             for role, table in tables.items()}  # fmt: skip
 
 

@@ -25,6 +25,7 @@ DIALECTS = (
 COMMENTS = ("#", "%", "//", "!", "'")
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,4})?")
 _COMMA_NUMBER = re.compile(r"[+-]?(?:[0-9]+,?[0-9]*|,[0-9]+)(?:[eE][+-]?[0-9]{1,4})?")
+_BLANKS = re.compile(r'"[^"]*"|\S+')
 _MISSING = frozenset({"", "nan", "na", "n/a", "null", "none", "-", "inf", "-inf", "+inf"})
 _UNITS = frozenset(unit for units in DIMENSIONS.values() for unit in units) | frozenset(
     {"", "-", "1", "%", "A", "V", "Nm", "°", "deg", "ns", "count", "counts", "cts", "bool", "W"}
@@ -85,7 +86,7 @@ def split_fields(line: str, delimiter: str) -> list[str]:
         As in :class:`Dialect`.
     """
     if delimiter == " ":
-        return [_bare(field) for field in line.split()]
+        return [_bare(field) for field in _BLANKS.findall(line)]
     if '"' in line:  # a field may hold the delimiter
         with contextlib.suppress(csv.Error):
             fields = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])

@@ -190,7 +190,7 @@ def read_log(
         + [c for c in (time_column, source.counter) if c is not None]
     ))  # fmt: skip
     columns = source.read(wanted)
-    linear, rotary, said = _kinds(source, chosen, axis_names, unit)
+    linear, rotary, silent = _kinds(source, chosen, axis_names, unit)
 
     def log_of(which: list[int], unit: str | None) -> Log:
         own = {role: choice._replace(names=tuple(choice.names[k] for k in which))
@@ -200,22 +200,50 @@ def read_log(
 
     if not rotary:
         return log_of(linear, unit)
-    turning = log_of(rotary, said[1] or (None if linear else unit))
+    turned = " and ".join(axis_names[k] for k in rotary)
+    if linear and not _moves(columns, chosen, rotary):
+        log = log_of(linear, unit)
+        said = f"{turned}: rotary, and at rest in all of the log: left out"
+        return replace(log, warnings=(*log.warnings, said))
+    guessed = {axis_names[k] for k in silent} if len(silent) == len(rotary) else set()
+    turning = log_of(rotary, "deg" if guessed else None if linear else unit)
+    turning = replace(turning, columns=tuple(
+        replace(use, unit_stated=use.unit_stated and use.axis not in guessed)
+        for use in turning.columns
+    ))  # fmt: skip
+    letters = (
+        f"{turned}: taken for deg, as a letter of A, B, C without a unit is a rotary axis"
+        if guessed
+        else ""
+    )
     if not linear:
-        return replace(turning, warnings=tuple(filter(None, [*turning.warnings, said[0]])))
+        return replace(turning, warnings=tuple(filter(None, [*turning.warnings, letters])))
     log = log_of(linear, unit)
+    own = [f"{turned}: {text}" for text in turning.warnings if text not in log.warnings]
     return replace(
-        log, rotary=turning, warnings=tuple(dict.fromkeys([*log.warnings, said[0]])),
+        log, rotary=turning,
+        warnings=tuple(filter(None, dict.fromkeys([*log.warnings, *own, letters]))),
         columns=(*log.columns, *(use for use in turning.columns if use.role != "time")),
     )  # fmt: skip
 
 
+def _moves(columns: Columns, chosen: dict[str, Choice], which: list[int]) -> bool:
+    """Return whether any of the axes changes its position."""
+    for role in ("commanded", "actual"):
+        for k in which if role in chosen else ():
+            values = columns.values[chosen[role].names[k]]
+            values = values[np.isfinite(values)]
+            if len(values) and np.ptp(values) > 0.0:
+                return True
+    return False
+
+
 def _kinds(
     source: Source, chosen: dict[str, Choice], axes: tuple[str, ...], unit: str | None
-) -> tuple[list[int], list[int], tuple[str, str | None]]:
-    """Return the linear and the rotary axes, what is to be said of these, and their unit."""
+) -> tuple[list[int], list[int], list[int]]:
+    """Return the linear and the rotary axes, and those that are it by their letter alone."""
     if unit is not None and stated_unit(unit, "unit")[1] == "angle":
-        return [], list(range(len(axes))), ("", unit)
+        return [], list(range(len(axes))), []
     written = [
         [w for role in ("commanded", "actual") if role in chosen
          for w in [unit_of(chosen[role].names[k], source.units.get(chosen[role].names[k], ""))]]
@@ -227,15 +255,7 @@ def _kinds(
     if len(silent) == len(axes) and unit is not None:  # then the user says that they are lengths
         silent = []
     rotary = sorted({*angles, *silent})
-    names = " and ".join(axes[k] for k in rotary)
-    said = (
-        f"{names}: rotary, so tracked by itself and in no contour error; where it moves, that of "
-        "the other axes is not the tool's on the part, which takes the kinematic chain"
-    )
-    if silent:
-        said += "; taken for deg, as a letter of A, B, C without a unit is a rotary axis"
-    linear = [k for k in range(len(axes)) if k not in rotary]
-    return linear, rotary, (said, "deg" if silent else None)
+    return [k for k in range(len(axes)) if k not in rotary], rotary, silent
 
 
 def _log(

@@ -150,6 +150,6 @@ def check_same(name: str, column: str, unit: str, given: str, size: float) -> No
     given, size
         What the user says, and its size.
     """
-    own = known_unit(unit, "length")
+    own = known_unit(unit, "length") or known_unit(unit, "angle")
     if own is not None and abs(own / size - 1.0) > 1e-9:
         raise LogError(f"{name}: column {column!r} is in {unit}, but unit is {given!r}")

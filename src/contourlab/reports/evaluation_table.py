@@ -6,7 +6,6 @@ import math
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from contourlab.evaluation.tracking import shown
 from contourlab.reports.tables import ascii_text
 from contourlab.units import to_um
 
@@ -120,7 +119,7 @@ def figure_rows(evaluation: Evaluation) -> list[tuple[str, str]]:
             rows.append((title, with_half_width(_number(m[name]), _number(m[half])) + " um"))
     if "cycle_time" in m:
         rows.append(("duration", f"{_number(m['cycle_time']):.5g} s"))
-    rows += [(f"tracking error of {one.axis}", shown(one)) for one in evaluation.rotary]
+    rows += [(f"tracking error of {one.axis}", one.in_words()) for one in evaluation.rotary]
     judged = int(_number(m["judged_samples"]))
     rows.append(("samples judged", f"{judged} of {evaluation.log.n_samples}"))
     found = evaluation.alignment
