@@ -1,7 +1,7 @@
 """Friction and lost motion of an axis that was made apart from the library are found again.
 
 What each does is known at every sample, so the found signal is compared with it, not its size. The
-machines differ in loop, friction and sampling; none of them was looked at when the search was made.
+machines differ in loop, friction and sampling.
 """
 
 import numpy as np
@@ -9,6 +9,7 @@ import pytest
 
 from contourlab.evaluation.causes.basis import stage_of
 from contourlab.evaluation.causes.regression import fit_axis
+from contourlab.evaluation.causes.response import decay_time
 
 from .axes import Dry, Loop, behind_play, followed, there_and_back
 
@@ -96,3 +97,10 @@ def test_friction_that_a_servo_holds_at_rest_is_known_from_the_start(way):
     assert fit.shape.how.before == way * goes
     true = (free - motor)[cut:]
     assert rms(fit.contributions["peaks"] - true) < 0.1 * rms(true)
+
+
+def test_how_long_a_peak_lasts_is_told_of_a_slow_pole_too():
+    dt, slow, fast = 1e-3, np.exp(-2.0 * 1e-3), np.exp(-450.0 * 1e-3)
+    d = np.convolve([1.0, -slow], np.convolve([1.0, -fast], [1.0, -fast]))
+    # the slow one alone: half a second from its peak, which comes some fast time constants late
+    np.testing.assert_allclose(decay_time(np.array([1.0]), d, dt), 0.5 + 0.018, rtol=0.01)

@@ -26,7 +26,7 @@ __all__ = [
     "richer", "start_of",
 ]  # fmt: skip
 
-ORDERS = {"pair": 2, "pair and pole": 3, "two pairs": 4}
+ORDERS = {"pair and pole": 3, "two pairs": 4}
 """Order of the loop by its poles."""
 PEAKS = 2
 """Terms b of (1): a force reaches the position two integrators later, so few of them count."""
@@ -51,7 +51,7 @@ def start_of(kind: str, rate: float) -> Values:
         Where they lie [rad/s].
     """
     pair = [np.log(1.5 * rate), 0.0]
-    return np.array({"pair": pair, "pair and pole": [*pair, np.log(rate)],
+    return np.array({"pair and pole": [*pair, np.log(rate)],
                      "two pairs": [*pair, np.log(3.0 * rate), 0.0]}[kind])  # fmt: skip
 
 
@@ -63,8 +63,6 @@ def richer(kind: str, poles: Values) -> tuple[str, Values] | None:
     kind, poles
         Those that are known.
     """
-    if kind == "pair":
-        return "pair and pole", np.append(poles, poles[0] + 1.0)
     if kind == "pair and pole":
         return "two pairs", np.append(poles, 0.2)
     return None
@@ -82,7 +80,7 @@ def bounds_of(kind: str, sample_time: float) -> tuple[Values, Values]:
     """
     rate = (np.log(min(SLOWEST, 0.01 / sample_time)), np.log(FASTEST / sample_time))
     ratio = (np.log(DAMPING[0]), np.log(DAMPING[1]))
-    rows = {"pair": (rate, ratio), "pair and pole": (rate, ratio, rate),
+    rows = {"pair and pole": (rate, ratio, rate),
             "two pairs": (rate, ratio, rate, ratio)}[kind]  # fmt: skip
     return np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
 
@@ -102,9 +100,7 @@ def denominator(kind: str, poles: Values, sample_time: float) -> Values:
     out = _pair(poles[0], poles[1], sample_time)
     if kind == "pair and pole":
         return np.convolve(out, [1.0, -np.exp(-np.exp(poles[2]) * sample_time)])
-    if kind == "two pairs":
-        return np.convolve(out, _pair(poles[2], poles[3], sample_time))
-    return out
+    return np.convolve(out, _pair(poles[2], poles[3], sample_time))
 
 
 def _pair(rate: float, ratio: float, sample_time: float) -> Values:
@@ -188,7 +184,8 @@ def decay_time(coefficients: Values, d: Values, sample_time: float) -> float:
     sample_time
         [s]
     """
-    n = int(min(8.0 / max(float(d.sum()) ** (1.0 / (len(d) - 1)), 1e-3), 20_000.0)) + 20
+    slowest = float(np.abs(np.roots(d)).max())
+    n = int(min(8.0 / max(-np.log(slowest), 1e-6), 20_000.0)) + 20
     step = np.zeros(n)
     step[0] = 1.0
     answer = lfilter([1.0], d, step)

@@ -30,11 +30,13 @@ from contourlab.evaluation.causes.sticking import RESTS, Sliding, slide
 __all__ = ["Shape", "search"]
 
 SCAN_ROWS = 3_000
+"""Rows, taken evenly, by which shapes are judged: a search of a long log takes no longer."""
 WINDOW_ROWS = 30_000
 """Rows of a long record in which the shape is looked for."""
 RATES = 9
 """Rates at which a loop's poles are first tried."""
 ROUNDS = 5
+"""Rounds of moving the axis and fitting the loop, at most: a search that goes to and fro ends."""
 ENOUGH = 0.9
 """A round that leaves more than this share of what the one before left is the last."""
 BEFORES = (0.0, 1.0, -1.0)
@@ -130,7 +132,7 @@ class _Search:
     def begin(self) -> None:
         """Set the first poles, and sides as they are without sticking."""
         stage = self.stage
-        slowest = 1.0 / min(0.2, 200.0 * stage.sample_time)
+        slowest = min(max(5.0, 0.005 / stage.sample_time), 0.04 / stage.sample_time)
         rates = np.geomspace(slowest, 0.4 / stage.sample_time, RATES)
         best = np.inf
         for rate in rates:
@@ -234,8 +236,8 @@ def search(
     """Return the shape of an axis' error.
 
     Where the sensor sees lost motion, what is lost at a reversal may be play, or the steady
-    friction of a loop without integral action, which builds up as the loop answers: the one that
-    explains more is taken.
+    friction of a loop without integral action, which builds up as the loop answers: play, unless it
+    leaves more than ``CLEARLY`` times what steady friction does.
 
     Parameters
     ----------
