@@ -116,6 +116,16 @@ def test_records_that_cannot_be_compared_are_refused(worn):
                       kind="voltage")  # fmt: skip
     with pytest.raises(RecordingError, match="record 2 has a command of voltage"):
         track_health([worn[0], volts], options=FILTERED)
+    positions = recording(*(np.asarray(worn[0][n]) for n in ("measured", "reference", "reference")),
+                          kind="position")  # fmt: skip
+    for records, what in (
+        ([worn[0], positions], "record 2 has a command of position, the records before of force"),
+        ([positions, worn[0]], "record 2 has a command of force, the records before of position"),
+    ):
+        with pytest.raises(RecordingError, match=what):
+            track_health(records, options=FILTERED)
+    with pytest.raises(ConfigurationError, match="logs of positions have no option 'simulate'"):
+        track_health([positions, positions], options=FILTERED)
 
 
 def test_a_delay_that_one_record_does_not_tell_is_no_change(worn, monkeypatch):

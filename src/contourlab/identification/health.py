@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from contourlab.errors import ConfigurationError, RecordingError
+from contourlab.errors import ConfigurationError, RecordingError, choices
 from contourlab.identification.false_alarms import Thresholds, statistics, thresholds
 from contourlab.identification.machine import identify_machine
 from contourlab.identification.machine_result import AxisModel, MachineIdentification
@@ -33,6 +33,9 @@ BY_DELAY = ("mass", "viscous")
 """What a delay that is taken for 0 s is mistaken for."""
 EXPECTED = ("mass", "viscous", "coulomb_forward", "coulomb_backward")
 """What every exciting motion tells."""
+LOOP_OPTIONS = ("known", "window", "confidence", "source")
+"""Of ``identify_position_loops``."""
+_OTHER = "{} has a command of {}, the records before of {}: their parameters are in other units"
 USUAL_BASELINE = 3
 """Records that make the baseline, where there is one more."""
 
@@ -184,7 +187,8 @@ def track_health(
     Raises
     ------
     ConfigurationError
-        An option out of bounds, or too few records for a baseline and one more.
+        An option out of bounds or one that logs of positions do not have, or too few records for a
+        baseline and one more.
     RecordingError
         Records of different axes or commands, or none of which anything can be found.
     """
@@ -301,6 +305,7 @@ def _identified(
 ) -> tuple[list[MachineIdentification | None], list[str], tuple[str, ...]]:
     found: list[MachineIdentification | None] = []
     notes, axes, kind, last = [], None, "", ""
+    _refuse_mixed(parts, names, options)
     for part, name in zip(parts, names, strict=True):
         try:
             positions = part["command"].attrs.get("kind") == "position"
@@ -316,10 +321,7 @@ def _identified(
                 f"{name} has the axes {', '.join(own)}, the records before {', '.join(axes)}"
             )
         if kind not in ("", one.command_kind):
-            raise RecordingError(
-                f"{name} has a command of {one.command_kind}, the records before of {kind}: their "
-                "parameters are in other units"
-            )
+            raise RecordingError(_OTHER.format(name, one.command_kind, kind))
         axes, kind = own, one.command_kind
         found.append(one)
         expected = ("velocity_lag",) if kind == "position" else EXPECTED
@@ -330,6 +332,22 @@ def _identified(
     if axes is None:
         raise RecordingError(f"nothing was found in any record: {last}")
     return found, notes, axes
+
+
+def _refuse_mixed(parts: list[Recording], names: tuple[str, ...], options: dict[str, Any]) -> None:
+    """Refuse positions among other commands, and options that logs of positions do not have."""
+    kinds = [p["command"].attrs.get("kind") if "command" in p.dataset else None for p in parts]
+    told = [(name, kind) for name, kind in zip(names, kinds, strict=True) if kind is not None]
+    if "position" not in (kind for _, kind in told):
+        return
+    for name, kind in told:
+        if (kind == "position") != (told[0][1] == "position"):
+            raise RecordingError(_OTHER.format(name, kind, told[0][1]))
+    for option in options:
+        if option not in LOOP_OPTIONS:
+            raise ConfigurationError(
+                f"logs of positions have no option {option!r}; {choices(option, LOOP_OPTIONS)}"
+            )
 
 
 def _change(
