@@ -92,6 +92,24 @@ def test_slow_motion_tells_the_lag_alone():
         identified_machine(found)
 
 
+def test_a_slow_log_does_not_take_motion_for_noise(proportional):
+    """Fourth differences at 20 ms are motion: judged by these, gains 20 % off were believed."""
+    random = np.random.default_rng(0)
+    measured = proportional + 1e-6 * random.standard_normal(proportional.shape)
+    for every, told in ((2, True), (10, False)):
+        rows = (np.round(x[::every], 6) for x in (measured, WANTED))
+        found = identify_position_loops(log_of(*rows, every * T, "position"))
+        slower = 1.0 + VISCOUS / (MASS * RATE)
+        for axis, c in zip(found.axes, (slower - SHARE) / GAIN + T, strict=True):
+            # what a spline does not know between samples: a hundredth of one
+            assert_allclose(axis["velocity_lag"].value, c, atol=0.01 * every * T)
+            for name in ("velocity_gain", "feed_forward", "delay"):
+                assert axis[name].identified == told, (every, name)
+            assert axis.encoder_noise < 1e-5
+        said = sum("do not tell noise from motion" in text for text in found.warnings)
+        assert said == (0 if told else 2), found.warnings
+
+
 def test_a_log_that_is_too_coarse_says_so():
     still = log_of(0.0 * WANTED, WANTED, T, "position")
     with pytest.raises(RecordingError, match="no axis moved one way for 24 samples"):

@@ -8,7 +8,8 @@ of feed-forward, the time constant τ of the velocity loop, a delay δ (model:
 
 by which the axis is behind at a constant velocity, c times the velocity. c is told by any motion.
 K_v, F and δ one by one are told by motion that accelerates as fast as the loop answers; where it
-does not, they get no value, and a sentence. **Mass and friction in N are not in such a log**,
+does not, and where a log is so slow that its motion between samples is more than its noise, they
+get no value, and a sentence. **Mass and friction in N are not in such a log**,
 however long; a column of force or current tells them.
 
 The commanded position has no noise, and nothing is fed back to it: least squares of the simulated
@@ -70,6 +71,9 @@ COUNTS_SHOWN = 0.2
 """Speed below which a smoothed velocity shows single counts, in counts per sample."""
 PEAK = 0.995
 """Share of the rows below whose largest speed the peak is: a jump of a log is no speed."""
+BLIND = 0.5
+"""Motion between samples, seen in the command, over what is seen of noise, from which the log tells
+neither: the residual has nothing to be judged by."""
 SLOW_LOG = 5e-3
 """Sample time from which a log is slower than most loops answer [s]."""
 PIECE_TIME = 0.5
@@ -229,6 +233,12 @@ def _model(
         counts = np.isfinite(residual)
         noise = position_noise(measured, counts.astype(float))
         finest = max(noise, count / np.sqrt(12.0))
+        # what the command shows of it, which has none, is motion
+        asked = position_noise(record.acting[:, k], counts.astype(float))
+        rounded = _count(record.acting[:, k]) ** 2 / 12.0
+        blind = asked**2 - rounded > (BLIND * noise) ** 2
+        if blind:
+            finest, noise = 0.0, min(noise, fit.rms)
         parameters |= _parameters(fits, quantile, given, finest)
         error = np.abs(record.acting[counts, k] - measured[counts])
         said = _sentences(parameters, fits, quantile, step, float(error.max()), finest, count)
@@ -300,7 +310,13 @@ def _sentences(
             f"the actual position is never more than two of its steps of {1e6 * count:.3g} um from "
             "the commanded one: the log is too coarse to show how the loop follows"
         )
-    if fits[-1].rms >= MISFIT * finest:
+    if finest == 0.0:
+        said.append(
+            f"{1e3 * step:.4g} ms between samples do not tell noise from motion, nor how the axis "
+            "moves between them: only the velocity lag is told, and the interval does not hold "
+            "what that leaves open"
+        )
+    elif fits[-1].rms >= MISFIT * finest:
         said.append(
             f"the simulated motion misses the measured one by {1e6 * fits[-1].rms:.3g} um rms, "
             f"with {1e6 * finest:.2g} um of noise and counts: the loop does something that the "
