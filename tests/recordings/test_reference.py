@@ -13,12 +13,13 @@ from contourlab.recordings.reference import Reference
 ELLIPSE = Ellipse(semi_axes=(0.03, 0.01))
 
 
-def along(n, rates=None):
+def along(n, rates=None, jerk=None):
     time = 1e-3 * np.arange(n)
     rates = np.ones(n) if rates is None else rates
+    jerk = 0.1 * time if jerk is None else jerk
     return Reference.along(
         ELLIPSE, sample_time=1e-3, parameter=time, parameter_rate=rates,
-        parameter_acceleration=0.3 * time, parameter_jerk=0.1 * time,
+        parameter_acceleration=0.3 * time, parameter_jerk=jerk,
     )  # fmt: skip
 
 
@@ -46,3 +47,9 @@ def test_less_than_two_samples_are_refused(n):
 def test_records_of_other_lengths_are_refused():
     with pytest.raises(ConfigurationError, match=r"parameter_rate must have shape \(5,\)"):
         along(5, rates=np.ones(4))
+    with pytest.raises(ConfigurationError, match=r"parameter_jerk must have shape \(5,\)"):
+        along(5, jerk=np.zeros(4))
+    with pytest.raises(
+        ConfigurationError, match=r"parameter_jerk must have shape \(5,\), got \(5, 1"
+    ):
+        along(5, jerk=np.zeros((5, 1)))

@@ -105,12 +105,23 @@ class Reference(Configuration):
             What the plan could not honour.
         motion_warnings
             Those of them that tell how it moves.
+
+        Raises
+        ------
+        ConfigurationError
+            Profiles of different shapes, or of less than two samples.
         """
-        profile = [
-            np.asarray(p, float)
-            for p in (parameter, parameter_rate, parameter_acceleration, parameter_jerk)
-        ]
-        rows = _in_blocks(contour, profile)
+        profile = {
+            "parameter": np.asarray(parameter, float),
+            "parameter_rate": np.asarray(parameter_rate, float),
+            "parameter_acceleration": np.asarray(parameter_acceleration, float),
+            "parameter_jerk": np.asarray(parameter_jerk, float),
+        }
+        shape = (profile["parameter"].size,)
+        for name, row in profile.items():
+            if row.shape != shape:
+                raise ConfigurationError(f"{name} must have shape {shape}, got {row.shape}")
+        rows = _in_blocks(contour, list(profile.values()))
         return Reference(
             sample_time=sample_time, parameter=parameter, parameter_rate=parameter_rate,
             parameter_acceleration=parameter_acceleration, position=rows[0], velocity=rows[1],
