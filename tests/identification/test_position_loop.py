@@ -6,6 +6,8 @@ from numpy.testing import assert_allclose
 
 from contourlab.errors import ConfigurationError, RecordingError
 from contourlab.identification import identified_machine, identify_position_loops
+from contourlab.identification.pieces import cut_pieces, smooth_velocity
+from contourlab.identification.position_loop_fit import fit_loop
 
 from .machines import log_of, open_loop
 from .position_loops import DRY, GAIN, MASS, RATE, VISCOUS, cascade, program
@@ -108,6 +110,17 @@ def test_a_slow_log_does_not_take_motion_for_noise(proportional):
             assert axis.encoder_noise < 1e-5
         said = sum("do not tell noise from motion" in text for text in found.warnings)
         assert said == (0 if told else 2), found.warnings
+
+
+def test_what_is_known_is_held_as_it_was_given(proportional):
+    """Beyond the bounds of the search too, which are for what is looked for."""
+    measured, n = proportional[:1000, 0], 1000
+    velocity = smooth_velocity(measured, T)
+    way = np.where(np.abs(velocity) > 0.01, np.sign(velocity), 0.0)
+    pieces = cut_pieces(velocity, 0.01, longest=250)
+    given = {"velocity_gain": 0.1, "time_constant": 0.01 * T, "delay": 0.0}
+    fit = fit_loop(WANTED[:n, 0], measured, way, T, pieces, given, 4)
+    assert {name: fit.values[name] for name in given} == given
 
 
 def test_a_log_that_is_too_coarse_says_so():

@@ -212,7 +212,7 @@ class _Search:
         for start in starts:
             x = {**start, "delay": 0.0}
             x |= {k: v for k, v in self.given.items() if k in NONLINEAR}
-            for name in ("velocity_gain", "time_constant"):
+            for name in {"velocity_gain", "time_constant"} - set(self.given):
                 x[name] = float(np.clip(x[name], *self.bounds[name]))
             tried.append((float(np.sum(self.look(x, self.every).left ** 2)), x))
         tried.sort(key=lambda pair: pair[0])
