@@ -1,11 +1,13 @@
 """Logs of commanded and actual positions: what they tell of a loop, and that they tell no mass."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from contourlab.errors import ConfigurationError, RecordingError
-from contourlab.identification import identified_machine, identify_position_loops
+from contourlab.identification import Parameter, identified_machine, identify_position_loops
 from contourlab.identification.pieces import cut_pieces, smooth_velocity
 from contourlab.identification.position_loop_fit import fit_loop
 
@@ -71,6 +73,21 @@ def test_the_machine_of_a_loop_follows_as_the_loop_does(found, proportional):
     # friction is in no such machine: it holds the axis back by 30 um
     assert np.abs(moved - proportional).max() < 60e-6
     assert np.abs(WANTED - proportional).max() > 2e-3
+
+
+def test_the_machine_of_a_loop_says_which_part_of_a_delay_it_holds(found):
+    machine = identified_machine(found)
+    delay = float(machine.drive.computing_delay)
+    assert_allclose(delay, T, atol=0.1 * T)  # of 1.5 T; a held command adds the rest
+    text = " ".join(machine.assumed)
+    assert f"Delay {1e3 * delay:.4g} ms is less half a log sample, 1 ms" in text
+    assert "it holds in a loop of 2 ms" in text
+    assert "later than the log" not in text
+    early = Parameter(value=0.3e-3, low=0.2e-3, high=0.4e-3, unit="s")
+    axes = tuple(replace(a, parameters={**a.parameters, "delay": early}) for a in found.axes)
+    sooner = identified_machine(replace(found, axes=axes))
+    assert float(sooner.drive.computing_delay) == 0.0
+    assert any("the machine is 0.7 ms later than the log" in said for said in sooner.assumed)
 
 
 def test_slow_motion_tells_the_lag_alone():

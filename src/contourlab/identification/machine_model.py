@@ -199,6 +199,18 @@ def _position_loops(found: MachineIdentification, title: str) -> Machine:
         mass = quick - share * (1.0 - share) / gain**2
         nominal.append((max(mass, LEAST_MASS * quick), max((1.0 - share) / gain, 0.0), 1.0))
     delay, said = _delay(found.axes)
+    # a held command is half a sample late by itself
+    half = 0.5 * found.sample_time
+    computing = max(delay - half, 0.0)
+    said.append(
+        f"Delay {1e3 * computing:.4g} ms is less half a log sample, {1e3 * half:.4g} ms, which a "
+        f"held command adds: it holds in a loop of {1e3 * found.sample_time:.4g} ms."
+    )
+    if delay < half:
+        said.append(
+            f"The delay found, {1e3 * delay:.4g} ms, is less than that: the machine is "
+            f"{1e3 * (half - delay):.4g} ms later than the log."
+        )
     limits, travel = _limits(found)
     assumed += [
         *said,
@@ -213,11 +225,7 @@ def _position_loops(found: MachineIdentification, title: str) -> Machine:
     return Machine(
         names=tuple(axis.axis for axis in found.axes),
         dynamics=TransferFunctionAxes(numerators=tuple(tops), denominators=tuple(bottoms)),
-        # a held command is half a sample late by itself
-        drive=Drive(
-            command="position", command_limit=limit,
-            computing_delay=max(delay - 0.5 * found.sample_time, 0.0),
-        ),
+        drive=Drive(command="position", command_limit=limit, computing_delay=computing),
         sensor=Encoder(resolution=resolution, noise=noise if np.any(noise > 0.0) else None),
         travel=travel, limits=limits, assumed=tuple(assumed),
         nominal_model=NominalModel(
