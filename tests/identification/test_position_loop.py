@@ -75,6 +75,30 @@ def test_the_machine_of_a_loop_follows_as_the_loop_does(found, proportional):
     assert np.abs(WANTED - proportional).max() > 2e-3
 
 
+def test_laws_are_told_of_what_follows_alike_at_low_frequency(found):
+    """With an integral of the velocity loop too, which takes τ / K_v away."""
+    for rate in (np.nan, 100.0):
+        told = {"velocity_gain": 40.0, "feed_forward": 0.0, "time_constant": 5e-3,
+                "integral_rate": rate}  # fmt: skip
+        parameters = {
+            name: Parameter(value=value, low=value, high=value, unit="1")
+            for name, value in told.items()
+        }
+        axes = tuple(replace(a, parameters={**a.parameters, **parameters}) for a in found.axes)
+        machine = identified_machine(replace(found, axes=axes))
+        laws = machine.nominal
+        s = 2j * np.pi
+        top, bottom = (
+            np.polyval(np.asarray(rows[0]), s)
+            for rows in (machine.dynamics.numerators, machine.dynamics.denominators)
+        )
+        mass, viscous, spring = (
+            float(np.asarray(row)[0]) for row in (laws.mass, laws.viscous, laws.stiffness)
+        )
+        # at 1 Hz a mass of τ / K_v that is not there would leave 5e-3, the least mass 3e-4
+        assert abs((mass * s**2 + viscous * s + spring) * top / bottom - 1.0) < 1e-3
+
+
 def test_the_machine_of_a_loop_says_which_part_of_a_delay_it_holds(found):
     machine = identified_machine(found)
     delay = float(machine.drive.computing_delay)

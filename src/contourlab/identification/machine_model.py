@@ -196,7 +196,8 @@ def _position_loops(found: MachineIdentification, title: str) -> Machine:
         tops.append(tuple(np.polyadd(top, share * feed).tolist()))
         bottoms.append(tuple(bottom.tolist()))
         quick = lag / gain
-        mass = quick - share * (1.0 - share) / gain**2
+        # of 1/H, from (2) of the response; with an integral τ is in the third power of s alone
+        mass = (0.0 if np.isfinite(rate) else quick) - share * (1.0 - share) / gain**2
         nominal.append((max(mass, LEAST_MASS * quick), max((1.0 - share) / gain, 0.0), 1.0))
     delay, said = _delay(found.axes)
     # a held command is half a sample late by itself
