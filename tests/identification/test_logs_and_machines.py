@@ -9,14 +9,17 @@ from numpy.testing import assert_allclose
 import contourlab as cl
 from contourlab.errors import ConfigurationError, OutputError, RecordingError
 from contourlab.identification import (
+    FrequencyModel,
+    Parameter,
     even_recording,
     exciting_motion,
     identified_machine,
     identify_machine,
 )
+from contourlab.machines import RigidAxes, TwoMassAxes
 from contourlab.scenarios import machine_to_toml, read_machine_file, write_machine_file
 
-from .loops import T, of_velocity, recording, run
+from .loops import T, motions, of_velocity, recording, run
 from .machines import log_of, varied_reference
 
 
@@ -66,6 +69,35 @@ def test_what_has_no_mass_is_no_machine():
     found = identify_machine(recording(measured[0], command[0], motion[0]))
     with pytest.raises(RecordingError, match="axis X: mass could not be found"):
         identified_machine(found)
+
+
+@pytest.mark.parametrize("lacks", ["", "damping"])
+def test_two_masses_that_are_left_out_are_told(lacks):
+    motion = motions(2.0)
+    measured, command = run(motion, seed=7)
+    found = identify_machine(
+        recording(measured[0], command[0], motion[0]), simulate=False, known={"delay": 0.0}
+    )
+    values = {"motor_mass": 3.0, "load_mass": 2.0, "stiffness": 2e5, "damping": 20.0,
+              "motor_viscous": 25.0, "delay": 1e-3}  # fmt: skip
+    parameters = {n: Parameter(value=v, low=v, high=v, unit="1") for n, v in values.items()}
+    if lacks:
+        parameters[lacks] = Parameter(value=np.nan, low=np.nan, high=np.nan, unit="1")
+    models = [
+        FrequencyModel(
+            axis=axis.axis, model="two_mass", side="motor", parameters=parameters, derived={},
+            misfit=1.0, frequency=np.ones(3), response=np.ones(3),
+        )
+        for axis in found.axes
+    ]  # fmt: skip
+    made = identified_machine(found, models=models)
+    said = [text for text in made.assumed if "shows two masses" in text]
+    if lacks:
+        assert isinstance(made.dynamics, RigidAxes)
+        assert ["does not tell damping" in text for text in said] == [True, True]
+    else:
+        assert isinstance(made.dynamics, TwoMassAxes)
+        assert not said
 
 
 def test_the_suggested_motion_keeps_its_limits_and_tells_everything(stage, tmp_path):

@@ -53,7 +53,8 @@ def identified_machine(
     found
         Of ``identify_machine``.
     models
-        Fitted to frequency responses: where every axis has two masses, so has the machine.
+        Fitted to frequency responses: where every axis has two masses, and all six parameters of
+        them are told, so has the machine; else ``assumed`` says what is not.
     title
         What the machine is, for people.
 
@@ -66,8 +67,9 @@ def identified_machine(
     split = {m.axis for m in models if m.model == "two_mass" and _whole(m)}
     if axes and split >= {axis.axis for axis in axes}:
         return _two_masses(found, {m.axis: m for m in models}, title)
+    assumed += _left_out(models)
     if axes and all("velocity_gain" in axis.parameters for axis in axes):
-        return _position_loops(found, title)
+        return _position_loops(found, title, assumed)
     for axis in axes:
         _refuse(axis)
     mass, viscous, stiffness = (_row(axes, name) for name in ("mass", "viscous", "stiffness"))
@@ -130,6 +132,20 @@ def _whole(model: FrequencyModel) -> bool:
     return all(one.identified for one in model.parameters.values())
 
 
+def _left_out(models: Sequence[FrequencyModel]) -> list[str]:
+    """Return why two masses that a response shows are not in the machine."""
+    two = {model.axis: model for model in models if model.model == "two_mass"}
+    said = []
+    for axis, model in two.items():
+        lacks = [name for name, one in model.parameters.items() if not one.identified]
+        said.append(
+            f"A frequency response of {axis} shows two masses"
+            + (f", but does not tell {', '.join(lacks)}" if lacks else "")
+            + "; the machine has them only where every axis tells all of them."
+        )
+    return said
+
+
 def _two_masses(
     found: MachineIdentification, models: dict[str, FrequencyModel], title: str
 ) -> Machine:
@@ -173,11 +189,11 @@ def _two_masses(
     )  # fmt: skip
 
 
-def _position_loops(found: MachineIdentification, title: str) -> Machine:
+def _position_loops(found: MachineIdentification, title: str, assumed: list[str]) -> Machine:
     """Return a machine whose axes are position loops; laws are told of a mass on a spring that
     follows alike at low frequency."""
     tops, bottoms, nominal = [], [], []
-    assumed: list[str] = []
+    assumed = list(assumed)
     for axis in found.axes:
         gain, share, lag = (
             axis[name].value for name in ("velocity_gain", "feed_forward", "time_constant")
