@@ -86,6 +86,8 @@ def test_mistakes_are_named(program, tmp_path):
         ((LOG, *COLUMNS, "--known", "mass"), "known must be name=value"),
         ((LOG, *COLUMNS, "--window", "2 s"), "window must be a start and an end"),
         ((LOG, *COLUMNS, "--confidence", "2"), "confidence must be"),
+        ((LOG, "--kind", "position", "--track", "1 s", "--spring", "no"), "one log of positions"),
+        ((LOG, LOG, "--kind", "position", "--drive-lag"), "one log of positions"),
         ((still, *columns), "constant"),
         ((one, *columns), "one.csv"),
         ((back, *columns), "back.csv"),

@@ -216,6 +216,11 @@ def identify_records(
         raise ConfigurationError("track and window go with one log")
     if several or track is not None:
         if all(one["command"].attrs.get("kind") == "position" for one in recordings):
+            if options["stiffness"] is not None or options["drive_lag"]:
+                raise ConfigurationError(
+                    "--spring and --drive-lag go with one log of positions, not with several or "
+                    "with --track"
+                )
             options = _of_loops(options)
         result.health = track_health(
             recordings if several else recordings[0],
