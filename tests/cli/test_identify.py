@@ -88,6 +88,7 @@ def test_mistakes_are_named(program, tmp_path):
         ((LOG, *COLUMNS, "--confidence", "2"), "confidence must be"),
         ((LOG, "--kind", "position", "--track", "1 s", "--spring", "no"), "one log of positions"),
         ((LOG, LOG, "--kind", "position", "--drive-lag"), "one log of positions"),
+        ((LOG, *COLUMNS, "--track", "1 s", "--false-alarms", "1e-5"), "rate must be >= 0.0005"),
         ((still, *columns), "constant"),
         ((one, *columns), "one.csv"),
         ((back, *columns), "back.csv"),

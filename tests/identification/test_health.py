@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from contourlab.errors import ConfigurationError, RecordingError
 from contourlab.identification import Parameter, identify_machine, track_health
-from contourlab.identification.false_alarms import statistics, thresholds
+from contourlab.identification.false_alarms import LEAST_RATE, statistics, thresholds
 
 from .loops import MASS, TRUE, motions, recording, run
 
@@ -47,6 +47,14 @@ def test_a_jump_is_seen_at_once_and_a_drift_in_time():
     jump = np.flatnonzero(np.abs(np.nan_to_num(t[0])) > limits.jump)
     assert len(seen)
     assert not len(jump) or seen[0] < jump[0]
+
+
+def test_a_rate_that_cannot_be_held_is_refused():
+    there, degrees = np.ones((1, 4), bool), np.full((1, 4), 6.0)
+    with pytest.raises(ConfigurationError, match=r"rate must be >= 0.0005.* got 0.0001"):
+        thresholds(there, degrees, 3, rate=1e-4)
+    rare = thresholds(there, degrees, 3, rate=LEAST_RATE)
+    assert rare.jump > thresholds(there, degrees, 3, rate=0.01).jump
 
 
 def test_an_estimate_that_is_not_there_is_no_change():
@@ -149,8 +157,8 @@ def test_a_delay_that_one_record_does_not_tell_is_no_change(worn, monkeypatch):
 
 
 def test_options_that_make_no_sense_are_refused(worn):
-    for options in ({"n_baseline": 0}, {"rate": 1.0}, {"least_change": -1.0}, {"window": 1.0},
-                    {"n_baseline": 5}, {"labels": ["one"]}):  # fmt: skip
+    for options in ({"n_baseline": 0}, {"rate": 1.0}, {"rate": 4e-4}, {"least_change": -1.0},
+                    {"window": 1.0}, {"n_baseline": 5}, {"labels": ["one"]}):  # fmt: skip
         with pytest.raises(ConfigurationError):
             track_health(worn, **options)
     still = recording(np.zeros((4001, 2)), np.zeros((4001, 2)), np.zeros((4001, 2)))

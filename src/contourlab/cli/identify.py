@@ -49,7 +49,7 @@ def identify(
         str | None, optional('Parameters over time: window of one long record, such as "10 s".')
     ] = None,
     false_alarms: Annotated[
-        float, typer.Option(help="Chance of any false alarm over several records.")
+        float, typer.Option(help="Chance of any false alarm over several records, 0.0005 at least.")
     ] = 0.01,
     baseline: Annotated[
         int | None,

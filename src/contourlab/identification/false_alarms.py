@@ -20,13 +20,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["SLACK", "Thresholds", "statistics", "thresholds"]
+from contourlab.errors import ConfigurationError
+
+__all__ = ["LEAST_RATE", "SLACK", "Thresholds", "refuse_rate", "statistics", "thresholds"]
 
 SLACK = 0.5
 """k of (2)."""
 EXCEEDING = 50
 """Series that alarm: the rate is then known to a seventh of itself."""
 LEAST_DRAWS, MOST_DRAWS = 4000, 100_000
+LEAST_RATE = EXCEEDING / MOST_DRAWS
+"""Of a seldomer alarm less than that many series would be drawn."""
 Rows = NDArray[Any]
 
 
@@ -37,6 +41,24 @@ class Thresholds(NamedTuple):
     """Of |t|."""
     drift: float
     """Of S⁺ and S⁻."""
+
+
+def refuse_rate(rate: float, least: float = LEAST_RATE) -> None:
+    """Raise ConfigurationError unless a rate of false alarms can be held.
+
+    Parameters
+    ----------
+    rate
+        Of :func:`thresholds`.
+    least
+        Below which it cannot.
+    """
+    if not 0.0 < rate < 1.0:
+        raise ConfigurationError(f"rate must be > 0 and < 1, got {rate!r}")
+    if rate < least:
+        raise ConfigurationError(
+            f"rate must be >= {least:g}, below which it would not be held, got {rate!r}"
+        )
 
 
 def statistics(values: Rows, deviations: Rows, n_baseline: int) -> tuple[Rows, Rows, Rows, Rows]:
@@ -95,14 +117,21 @@ def thresholds(
     rate
         α, share of all series without a change in which there is any alarm, 0 < α < 1.
     draws
-        How often; if None, so that 50 series alarm, and 4000 times at least.
+        How often; if None, so that 50 series alarm, and 4000 times at least. Rates below
+        ``LEAST_RATE`` would take more than can be drawn in a short time.
     seed
         Of the draws.
+
+    Raises
+    ------
+    ConfigurationError
+        A rate that is not between 0 and 1, or below ``LEAST_RATE`` where draws are None.
     """
+    refuse_rate(rate, 0.0 if draws is not None else LEAST_RATE)
     if not np.any(there.sum(axis=1) > n_baseline):
         return Thresholds(np.inf, np.inf)
     if draws is None:
-        draws = int(np.clip(np.ceil(EXCEEDING / rate), LEAST_DRAWS, MOST_DRAWS))
+        draws = max(int(np.ceil(EXCEEDING / rate)), LEAST_DRAWS)
     random = np.random.default_rng(seed)
     jumps, drifts = np.zeros(draws), np.zeros(draws)
     block = max(1, int(2_000_000 / max(there.size, 1)))

@@ -17,7 +17,12 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from contourlab.errors import ConfigurationError, RecordingError, choices
-from contourlab.identification.false_alarms import Thresholds, statistics, thresholds
+from contourlab.identification.false_alarms import (
+    Thresholds,
+    refuse_rate,
+    statistics,
+    thresholds,
+)
 from contourlab.identification.machine import identify_machine
 from contourlab.identification.machine_result import AxisModel, MachineIdentification
 from contourlab.identification.position_loop import LOOP_PARAMETERS, identify_position_loops
@@ -174,7 +179,7 @@ def track_health(
     n_baseline
         Records that make the baseline, >= 1; if None, three, or all but the last of fewer.
     rate
-        Chance of any false alarm over all of it, between 0 and 1.
+        Chance of any false alarm over all of it, from 0.0005 to below 1.
     least_change
         Share of the baseline below which a change is not reported, >= 0: intervals hold noise and
         not what a model leaves out, which is another motion's own.
@@ -194,8 +199,7 @@ def track_health(
     """
     if n_baseline is not None and not (isinstance(n_baseline, int) and n_baseline >= 1):
         raise ConfigurationError(f"n_baseline must be a whole number >= 1, got {n_baseline!r}")
-    if not 0.0 < rate < 1.0:
-        raise ConfigurationError(f"rate must be > 0 and < 1, got {rate!r}")
+    refuse_rate(rate)
     if not least_change >= 0.0:
         raise ConfigurationError(f"least_change must be >= 0, got {least_change!r}")
     parts, names = _parts(recordings, labels, window)
