@@ -4,14 +4,19 @@ import dataclasses
 import json
 import subprocess
 from pathlib import Path
+from types import SimpleNamespace
+from unittest.mock import Mock
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 import contourlab as cl
 from contourlab.cli.main import app
 from contourlab.errors import ConfigurationError, ExportError, OutputError, ScenarioError
-from contourlab.export import find_compiler
+from contourlab.export import GeneratedC, check_parity, find_compiler
+from contourlab.export.compiled import CompiledController
+from contourlab.export.golden import RecordedLoop
 from contourlab.export.stack import array_bytes, says_stack, stack_bytes
 from contourlab.scenarios import read_scenario
 
@@ -168,6 +173,24 @@ def test_the_manifest_says_what_is_there(exported):
         assert [one["name"] for one in said["parity"]["telemetry"]] == ["contour_error_estimate"]
         assert said["parity"]["telemetry"][0]["holds"]
         assert 0.0 < said["parity"]["telemetry"][0]["peak"] < 0.03
+
+
+def test_telemetry_that_a_rounding_makes_no_number_is_told():
+    """It moves infinitely far then, and a bound of that would always hold."""
+    names = ("command", "estimate")
+    outputs = {name: np.ones((3, 2)) for name in names}
+    spoilt = {**outputs, "estimate": np.array([[1.0, np.nan]] * 3)}
+    generated = Mock(
+        spec=GeneratedC, inputs=(), precision="double", iterates=False,
+        outputs=[SimpleNamespace(name=n, path=n, dtype="float64") for n in names],
+    )  # fmt: skip
+    compiled = Mock(spec=CompiledController, stack=None)
+    compiled.replay.side_effect = (outputs, spoilt)
+    recorded = Mock(spec=RecordedLoop, outputs=spoilt, n_steps=3)
+    recorded.inputs.return_value = {}
+    (one,) = check_parity(generated, compiled, recorded).telemetry
+    assert np.isfinite(one.bound.relative)
+    assert not one.holds
 
 
 def test_telemetry_that_is_not_jax_s_is_told(exported):

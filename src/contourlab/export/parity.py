@@ -31,6 +31,10 @@ ROUNDINGS = 30.0
 LOOSEST = 0.1
 """Of commands; beyond this the exported law is another law: in single precision some are."""
 
+WHOLE = 1.0
+"""Of telemetry: what a rounding moves by its whole peak, or makes no number, cannot be compared,
+and a bound without end would say that it had been."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Bound:
@@ -167,7 +171,7 @@ def check_parity(generated: GeneratedC, compiled: CompiledController, loop: Reco
             continue
         theirs, ours = np.asarray(loop.outputs[field.path]), found[field.name]
         top, away = _peak(theirs), _largest(nudged[field.name], ours)
-        limit = _bound(generated, field.name, away / top if top else away, np.inf)
+        limit = _bound(generated, field.name, away / top if top else away, WHOLE)
         telemetry.append(Compared(field.name, _largest(ours, theirs), top, limit))
     return Parity(
         difference, peak, loop.n_steps, tuple(flipped), bound, tuple(telemetry), compiled.stack
