@@ -53,6 +53,7 @@ def test_a_loop_with_feed_forward_is_told_one_by_one(found):
         assert not axis["integral_rate"].identified
         assert axis.residual_rms < 1.2 * axis.encoder_noise
     assert any("Mass and friction in N need a column" in note for note in found.notes)
+    assert any("of the 95 % intervals held it" in note for note in found.notes)
 
 
 def test_an_integral_of_the_velocity_loop_is_found():

@@ -54,8 +54,9 @@ NOTES = (
     "straight line has no contour error.",
     "velocity_gain is that of a loop in continuous time; one that holds its velocity command for "
     "a time T answers like one whose gain is larger by about half of gain times T.",
-    "Intervals are of Student's t over equal-weighted cosines of the scores, which stand residuals "
-    "of any colour. An error of the model is not in them.",
+    "Intervals are of Student's t over equal-weighted cosines of the scores, which stand coloured "
+    "residuals. An error of the model is not in them: of a simulated loop on a Lissajous figure, "
+    "where the velocity lag came out wrong by 0.5 us, 70 to 75 % of the 95 % intervals held it.",
 )
 TOLD = 0.2
 """Half an interval, as a share of the value (of the whole, for F), from which one is not told."""
