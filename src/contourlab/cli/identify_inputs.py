@@ -68,8 +68,9 @@ def log_recording(
             what = f"the command is taken from {', '.join(told)}, by names and units"
             warnings = (what, *warnings)
         used = [
-            f"{use.role} {use.axis}: column {use.column}"
-            + (f" [{use.unit}]" if use.unit else "")
+            f"{use.role} {use.axis}".strip()
+            + f": column {use.column}"
+            + (f" [{use.unit}]" if use.unit and f"[{use.unit}]" not in use.column else "")
             + ("" if use.column_stated and use.unit_stated else ", guessed")
             + (", guessed" if use.role == "command" and told is not None else "")
             for use in log.columns
