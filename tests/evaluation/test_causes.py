@@ -64,12 +64,10 @@ SINGLE = {
 }
 
 
-LONG = [pytest.mark.slow, pytest.mark.overnight]
-
-
 # one of them here, since all together are looked for below; friction and play: test_friction
 @pytest.mark.parametrize(
-    "name", [one if one == "scale X" else pytest.param(one, marks=LONG) for one in SINGLE]
+    "name",
+    [one if one == "scale X" else pytest.param(one, marks=pytest.mark.slow) for one in SINGLE],
 )
 def test_one_cause_is_found_and_no_other(plain, name):
     put_in, parameter, true, tolerance = SINGLE[name]
@@ -88,7 +86,6 @@ def test_one_cause_is_found_and_no_other(plain, name):
 
 
 @pytest.mark.slow
-@pytest.mark.overnight
 def test_lag_mismatch():
     recording = m.run(gains=GAINS)
     found = by_name(evaluate(recording))
