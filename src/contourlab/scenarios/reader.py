@@ -29,7 +29,7 @@ from contourlab.scenarios.refusal import dotted, refuse
 from contourlab.scenarios.scenario import Scenario, Setup
 from contourlab.scenarios.schema import MachineSection, PartSection, ScenarioSections
 from contourlab.scenarios.values import KeyedError, KeyedRefusedError
-from contourlab.scenarios.vary import build_variation, left_out
+from contourlab.scenarios.vary import absent_paths, build_variation
 from contourlab.simulation.checks import as_reference, why_refused
 from contourlab.simulation.pairing import ONLY, Loop
 
@@ -204,7 +204,8 @@ def _build(
         sections.feed, part or contour, machines, sections.simulation.sample_time
     )
     loops, refused = _loops(controllers, machines, planned, disturbances)
-    seed = sections.simulation.seed
+    seed, names = sections.simulation.seed, list(controllers)
+    absent = absent_paths(sections.vary, loops, labels, names) if sections.vary else ()
     return Scenario(
         setups={
             label: Setup(
@@ -217,15 +218,16 @@ def _build(
         },
         disturbances=disturbances, seed=seed, part=part, title=sections.report.title,
         magnification=sections.report.magnification, text=text, source=name,
-        variation=build_variation(sections.vary, loops, seed, labels, list(controllers))
+        variation=build_variation(sections.vary, loops, seed, labels, names, absent)
         if sections.vary else None,
         corner_radius=sections.report.corner_radius,
         notes=(
             *restriction_notes(sections.part, part), *_limit_notes(sections),
-            *(left_out(sections.vary, loops, labels, list(controllers)) if sections.vary else ()),
+            *([("vary", f"{', '.join(absent)}: left out, as no law that runs has it")]
+              if absent else ()),
         ),
         common=sections.feed.limits != "own", engine=sections.simulation.engine,
-        names=tuple(controllers),
+        names=tuple(names),
     )  # fmt: skip
 
 

@@ -14,7 +14,7 @@ from contourlab.simulation.draws import own_path as without_name
 from contourlab.simulation.pairing import Loop
 from contourlab.simulation.spread import check_variable
 
-__all__ = ["build_variation", "left_out"]
+__all__ = ["absent_paths", "build_variation"]
 
 NOISE_SEED = "simulation.seed"
 """What the seed of the noise is called here; ``seed`` itself is that of the draws."""
@@ -29,7 +29,7 @@ _KEYS = [*_UNIFORM, *_NORMAL, *_LISTED, "distribution", "common"]
 
 def build_variation(
     section: VarySection, loops: Sequence[Loop], seed: int, machines: list[str],
-    controllers: list[str],
+    controllers: list[str], absent: Sequence[str] = (),
 ) -> Variation | None:  # fmt: skip
     """Return what varies, checked for every controller on every machine.
 
@@ -42,7 +42,9 @@ def build_variation(
     seed
         ``[simulation] seed``.
     machines, controllers
-        All names, those that are refused among them: what varies of these alone is left out.
+        All names, those that are refused among them.
+    absent
+        Paths that are left out, of :func:`absent_paths`; None is returned if these are all.
 
     Raises
     ------
@@ -50,19 +52,17 @@ def build_variation(
         Something in it is wrong; says at which key, and of which controller or machine.
     """
     changes: dict[str, Change] = {}
-    left_out = False
     for written, value in _entries(section.model_extra or {}, ()):
+        if written in absent:
+            continue
         key: Key = ("vary", *written.split("."))
         path = "seed" if written == NOISE_SEED else written
         if path in changes:
             raise KeyedError(key, "stands already")
         with at(*key):
-            if not _varies(path, loops, machines, controllers):
-                left_out = True
-                continue
             dimension = _dimension(path, loops, machines, controllers)
         changes[path] = _change(value, key, dimension)
-    if left_out and not changes:
+    if absent and not changes:
         return None
     with at("vary"):
         variation = Variation(
@@ -82,23 +82,20 @@ def build_variation(
     return variation
 
 
-def left_out(
+def absent_paths(
     section: VarySection, loops: Sequence[Loop], machines: list[str], controllers: list[str]
-) -> tuple[tuple[str, str], ...]:
-    """Return a note of what cannot vary because only laws that were refused have it.
+) -> tuple[str, ...]:
+    """Return what cannot vary because only laws that were refused have it, as it is written.
 
     Parameters
     ----------
     section, loops, machines, controllers
         As for :func:`build_variation`.
     """
-    paths = [
+    return tuple(
         written for written, _ in _entries(section.model_extra or {}, ())
         if not _varies("seed" if written == NOISE_SEED else written, loops, machines, controllers)
-    ]  # fmt: skip
-    if not paths:
-        return ()
-    return (("vary", f"{', '.join(paths)}: left out, as no law that runs has it"),)
+    )  # fmt: skip
 
 
 def _check(
