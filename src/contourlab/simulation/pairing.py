@@ -132,7 +132,7 @@ def pair_loops(
     _same_axes(machines)
     _same_contour(references)
     found: dict[str, Loop | Refusal] = {}
-    errors: dict[str, ContourlabError] = {}
+    refused: list[tuple[Refusal, ContourlabError]] = []
     for where, machine in machines.items():
         efforts = as_disturbances(disturbances, machine)
         own = _on(where, controllers, machines)
@@ -143,7 +143,8 @@ def pair_loops(
             if label in found:
                 raise SimulationError(f"two runs would be called {label!r}; rename a controller")
             if isinstance(controller, RefusedError):
-                found[label], errors[label] = Refusal(where, name, str(controller)), controller
+                found[label] = refusal = Refusal(where, name, str(controller))
+                refused.append((refusal, controller))
             else:
                 found[label] = Loop(where, name, machine, controller, references[where], efforts)
     for label, loop in found.items():
@@ -156,12 +157,10 @@ def pair_loops(
                 raise
             raise _of_run(loop.controller_name, loop.machine_name, mistake) from mistake
         if error is not None:
-            errors[label] = error
-            found[label] = Refusal(loop.machine_name, loop.controller_name, str(error))
-    if len(errors) == len(found):
-        label, first = next(iter(errors.items()))
-        refusal = found[label]
-        assert isinstance(refusal, Refusal)
+            found[label] = refusal = Refusal(loop.machine_name, loop.controller_name, str(error))
+            refused.append((refusal, error))
+    if len(refused) == len(found):
+        refusal, first = refused[0]
         if len(machines) == 1:
             raise first
         raise _of_run(refusal.controller_name, refusal.machine_name, first) from first
