@@ -57,7 +57,8 @@ def _middle(machine: Machine) -> Array:
 
 
 def _rest_command(machine: Machine, bound: BoundMachine) -> AxisVector:
-    return _rest(bound, jnp.asarray(_middle(machine)))[0]  # type: ignore[no-any-return]
+    command: AxisVector = _rest(bound, jnp.asarray(_middle(machine)))[0]
+    return command
 
 
 def _commands(machine: Machine, bound: BoundMachine) -> Record:

@@ -162,4 +162,5 @@ def sample_at(samples: Sample, k: int) -> Sample:
         # picked by NumPy, and handed over as it is: no program is compiled for every shape
         return x[k] if isinstance(x, jax.core.Tracer) else jax.device_put(np.asarray(x)[k])
 
-    return jax.tree.map(row, samples)  # type: ignore[no-any-return]
+    picked: Sample = jax.tree.map(row, samples)
+    return picked

@@ -43,7 +43,8 @@ class PlacedShapes:
         xy
             In user units, shape (2,).
         """
-        return self._turn @ np.asarray(xy, float)  # type: ignore[no-any-return]
+        turned: Rows = self._turn @ np.asarray(xy, float)
+        return turned
 
     def point(self, xy: Any) -> Rows:
         """Return a point, shape (3,) [m].
